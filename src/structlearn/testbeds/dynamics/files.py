@@ -27,11 +27,11 @@ TABLES = {
     "online": "online/errors",
     "payload": "online/payload",
 }
-"""By name; `protocol.trainings`, `protocol.tracking` and `rigid_body.payload` describe their columns."""
+"""By name; for their columns see `protocol.trainings`, `protocol.tracking` and `rigid_body.payload`."""
 
 
 def read_tables(*names: str) -> dict[str, pd.DataFrame]:
-    """Tables by name; all of `TABLES` where none is named."""
+    """Tables by name; default: all of `TABLES`."""
     return {name: read_table(DATA / f"{TABLES[name]}.parquet") for name in names or TABLES}
 
 
@@ -41,7 +41,7 @@ def read_logs(kind: str) -> dict[str, JointLog]:
 
 
 def as_motion(log: JointLog, cutoff_hz: float = float("inf")) -> Motion:
-    """A log as a motion to learn from, after a low-pass."""
+    """A log as a motion to learn from, low-pass filtered."""
     signals = (log.time, log.positions, log.velocities, log.torques)
     return measured_motion(log.name, *signals, cutoff_hz=cutoff_hz)
 
@@ -52,7 +52,7 @@ def step_s(log: JointLog) -> float:
 
 
 def read_robot_models(robot: int, models: Sequence[str], form: "Form") -> dict[str, "DynamicsModels"]:
-    """Models that learned from a robot's log in a form, by name (`cov`, `cov_coulomb`)."""
+    """Models learned from a robot's log in one form, by name (`cov`, `cov_coulomb`)."""
     from structlearn.rigid_body.dynamics_models import read_dynamics_models
 
     folder = DATA / "models" / ROBOT / str(robot) / form

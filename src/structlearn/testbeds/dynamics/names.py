@@ -1,6 +1,6 @@
-"""Titles, colours and lines of dynamics models, on the page and in recordings.
+"""Titles, colours and line styles of dynamics models, for the page and recordings.
 
-Printed names of the models are in `rigid_body.model_names`. The colours can be distinguished on the page's
+Printed names of the models are in `rigid_body.model_names`. The colours are distinguishable on the page's
 white background and on the viewer's dark one.
 """
 
@@ -11,15 +11,15 @@ from structlearn.rigid_body.model_names import COULOMB, DEFAULT, GROUND_TRUTH, I
 from structlearn.testbeds.dynamics.protocol.trainings import OURS, TEXT
 
 SINE, REACH = "sine", "reach"  # tasks
-SHOWN_FORM = OURS  # of the models whose reaches and torques are shown: networks learn best in it
+SHOWN_FORM = OURS  # form of the models whose reaches and torques are shown: networks learn best in it
 
 ROBOT_TITLES = {IDEAL: "Arm as in its URDF", ROBOT: "The stand-ins (simulated)"}
 FORM_TITLES = {TEXT: "As published", OURS: "Our training"}
 LOSS_TITLES = {"raw": "Raw loss (as published)", "normalised": "Loss normalised per joint"}
 
-REFERENCE = WHITE  # of references, drawn wide: a wanted path, a measured torque, a carried mass
+REFERENCE = WHITE  # references, drawn wide: a target path, a measured torque, a carried mass
 PAYLOAD = ORANGE
-WITH_COULOMB = LIGHT_BLUE  # of every structure that learned Coulomb friction too
+WITH_COULOMB = LIGHT_BLUE  # structures that also learned Coulomb friction
 
 LOOKS = {
     GROUND_TRUTH: (GREY, "-"),
@@ -33,7 +33,7 @@ LOOKS = {
     "tri": (BLUE, "--"),
     "cov": (BLUE, "-"),
 }
-"""Colour and line of each model; known models are grey."""
+"""Colour and line style of each model; known models are grey."""
 
 
 def colour(model: str) -> str:
@@ -42,5 +42,5 @@ def colour(model: str) -> str:
 
 
 def look(model: str) -> dict[str, Any]:
-    """Colour and line of a model, for matplotlib."""
+    """Colour and line style of a model, for matplotlib."""
     return {"color": colour(model), "linestyle": LOOKS[model.removesuffix(COULOMB)][1]}

@@ -39,11 +39,11 @@ from structlearn.viewer.rrd import (
 
 ARM, BODY, WANTED = "arm", "payload", "wanted"
 
-MEASURED = "_measured"  # drawn below the models: curves are drawn in the order of their names
+MEASURED = "_measured"  # sorts first: curves are drawn in the order of their names
 RADIUS_M = 0.05  # of the drawn payload
 
 LEARNED, EMPTY = colour("cov"), colour(GROUND_TRUTH)
-"""Of the model that learns online, and of that of the empty arm."""
+"""Colours of the model that learns online, and of that of the empty arm."""
 
 
 class DynamicsViewParameters(Parameters):
@@ -62,7 +62,8 @@ def write_reaches(
 ) -> None:
     """Write the reaches of one arm with several models as a recording.
 
-    Every model has a view with its arm and the wanted and actual path of the tool; plots show its error and
+    Every model has a view with its arm and the target and actual path of the tool; plots show its error and
+    speed. The run of the first model must not have been stopped.
     its speed. The run of the first model was not stopped.
     """
     with recording(path, title) as stream:
@@ -96,7 +97,7 @@ def write_reaches(
 def _send_tool(
     stream: rr.RecordingStream, place: str, times: rr.TimeColumn, tool: np.ndarray, colour: str, width: float
 ) -> None:
-    """A path (T, 3) of the tool, and the tool on it."""
+    """Log a path (T, 3) of the tool, and the moving tool."""
     strips = rr.LineStrips3D([tool], colors=rgba([colour]), radii=width)
     stream.log(f"{place}/path", strips, static=True)
     send_moving_frame(stream, f"{place}/tool", [times], tool, None, colour, 0.0)
@@ -111,7 +112,7 @@ def _reaches_blueprint(shown: Sequence[TrackedReach], title: str) -> rrb.Bluepri
         )
         for reach in shown
     ]
-    # an arm that runs away would hide all others: curves can be told apart for most of the time
+    # the plots are scaled to the majority: an arm that runs away would hide the others
     farthest = 1.2 * max(float(np.quantile(reach.off_mm, 0.95)) for reach in shown if len(reach.time) > 1)
     off = plot("tool off by (mm)", ["/off/**"], legend=False)
     off.properties["ScalarAxis"] = rrb.ScalarAxis(range=(0.0, farthest))
@@ -135,8 +136,8 @@ def write_torques(
 ) -> None:
     """Write a robot's motion as a recording, with a plot of torques per joint: measured, and by models.
 
-    `dt` is the s between samples; models are the URDF and the first seed of learned ones; the tool point is
-    in the last joint's frame.
+    `dt`: s between samples; `models`: the URDF and the first seed of learned ones; `tool_m`: in the last
+    joint's frame.
     """
     every, joints = thinning(dt, chosen.rate_hz), robot.tree.names
     motion = motion.part(slice(0, round(chosen.torques_s / dt), every))
@@ -167,12 +168,12 @@ def write_torques(
 
 
 def _torque_blueprint(errors: pd.DataFrame, motion: Motion, tool: np.ndarray, title: str) -> rrb.Blueprint:
-    """Of the NMSE by joint (rows) and model (columns), and the tool (T, 3) m along the motion."""
+    """Layout for errors by joint (rows) and model (columns), and the tool's path (T, 3) m."""
     plots = []
     for (joint, its), measured in zip(errors.iterrows(), motion.torque.T, strict=True):
         heading = f"{joint} (N m); best: {model_name(its.idxmin())}, NMSE {its.min():.2g}"
         view = plot(heading, [f"{entity('torque', joint)}/**"], legend=False)
-        # models that are far off would hide the measured torque
+        # inaccurate models would hide the measured torque
         low, high = np.quantile(measured, [0.002, 0.998])
         room = 0.25 * (high - low)
         view.properties["ScalarAxis"] = rrb.ScalarAxis(range=(low - room, high + room))
@@ -191,7 +192,7 @@ def write_payload(
     chosen: DynamicsViewParameters,
     title: str,
 ) -> None:
-    """Write an arm that picks up a payload, and what is learned of it, as a recording about the pick-up.
+    """Write an arm that picks up a payload, and the online estimates of it, as a recording.
 
     `learned`: see `rigid_body.payload.follow_payload`.
     """

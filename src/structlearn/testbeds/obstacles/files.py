@@ -1,4 +1,4 @@
-"""Files of the obstacle testbed that several stages read."""
+"""Paths and readers of files of the obstacle testbed that several stages use."""
 
 import re
 from collections.abc import Mapping
@@ -20,16 +20,16 @@ PATHS_FILE = "data/obstacles/evaluation/paths.parquet"
 REPORT, RECORDINGS = "reports/obstacles", "reports/rerun/obstacles"
 
 BASELINE = "baseline"
-"""Name of the demonstrations without obstacle, and of the primitives learned from them."""
+"""Name of the demonstrations without obstacles, and of the primitives learned from them."""
 
 
 def write_baselines(baselines: Mapping[int, PositionPrimitive], path: str | Path) -> None:
-    """Write the primitives of the unhindered reach, by person."""
+    """Write the primitives of the free reach, by person."""
     write_primitives([PosePrimitive(f"{BASELINE}_{person}", its) for person, its in baselines.items()], path)
 
 
 def read_baselines(path: str | Path = BASELINES_FILE) -> dict[int, PositionPrimitive]:
-    """Read the primitives of the unhindered reach, by person; InputError if the file holds others."""
+    """Read the primitives of the free reach, by person. Raises InputError: other primitives."""
     primitives = read_primitives(path)
     if not all(re.fullmatch(rf"{BASELINE}_\d+", primitive.name) for primitive in primitives):
         raise InputError(f"{path}: holds other primitives than baselines")

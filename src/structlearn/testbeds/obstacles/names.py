@@ -1,6 +1,6 @@
-"""Names, order and colours of what is compared past obstacles, for the page and the recordings alike.
+"""Names, order and colours of the compared avoidance models, for the page and recordings.
 
-A picture colours either kinds of models (`KINDS`) or what they learned from (`SOURCES`), never both.
+A figure colours either kinds of models (`KINDS`) or their training sets (`SOURCES`), never both.
 """
 
 from structlearn.avoidance.learned_models import (
@@ -30,7 +30,7 @@ KINDS = {
     PHASE_MODULATED: Look("phase-modulated network", GREEN),
     HUMAN_INSPIRED: Look("Rai et al.", OCHRE),
 }
-"""What may act on the reach, in the order of tables."""
+"""Models applied to the reach, in the order of tables."""
 
 SOURCES = {
     "": Look("no avoidance", LIGHT_GREY),
@@ -40,7 +40,7 @@ SOURCES = {
     "cylinder": Look("cylinder", GREEN),
     ALL: Look("all shapes", PINK),
 }
-"""What a model learned from. Nothing is light grey on the dark ground of a recording, black on paper."""
+"""Training sets of models. Nothing is light grey on the dark ground of a recording, black on paper."""
 
 DEMONSTRATIONS = Look("demonstrations", GREY)
 
@@ -56,9 +56,9 @@ SITUATIONS = {
 }
 
 RULES = {PUBLISHED: "the published rules", LIMITED: "limits at the goal"}
-"""What becomes of a coupling term before it acts."""
+"""Post-processing of a coupling term."""
 
 
 def model_name(kind: str, learned_from: str) -> str:
-    """`network, sphere`: a kind of model and what it learned from."""
+    """Kind of a model and its training set, e.g. `network, sphere`."""
     return f"{KINDS[kind].name}, {SOURCES[learned_from].name}" if learned_from else KINDS[kind].name

@@ -35,10 +35,10 @@ TABLES = {
     "refined_traces": "feedback/scraping/refined/traces",
     "search": "feedback/scraping/search/trials",
 }
-"""Tables of the stages by name, below the folder of all data, without their ending."""
+"""Tables of the stages by name: path below the data folder, without suffix."""
 
 CLOSED_LOOP, REFINED, CORRECTIONS = "closed_loop", "refined", "corrections"
-"""Folders of runs at several tilts; the first two hold a folder per model, those of corrections do not."""
+"""Folders of runs at several tilts; the first two have a folder per model."""
 
 
 @dataclass(frozen=True)
@@ -48,22 +48,22 @@ class ScrapingFiles:
     data: Path = Path("data")
 
     def table(self, name: str) -> pd.DataFrame:
-        """One of `TABLES`; empty where a stage had nothing to write."""
+        """One of `TABLES`; empty if the stage had nothing to write."""
         path = self.data / f"{TABLES[name]}.parquet"
         return read_table(path) if path.exists() else pd.DataFrame()
 
     def runs(self, name: str) -> list[Demonstration]:
-        """A set: `nominal` (demonstrations), `unrolls` and `level` (executions on the level board)."""
+        """A set of runs: `nominal` (demonstrations), `unrolls` or `level` (executions on the level board)."""
         return read_runs(self.data / f"runs/scraping/{name}.parquet")
 
     def runs_at(self, setting_deg: float, kind: str, model: str = "") -> list[Demonstration]:
-        """Runs of a kind at one tilt, by a model or without; none where the tilt was not run."""
+        """Runs of a kind at one tilt, optionally of one model; empty if the tilt was not run."""
         path = self.data / "runs/scraping" / kind / model / f"{setting_deg:g}.parquet"
         return read_runs(path) if path.exists() else []
 
 
 def read_settings(folder: str | Path) -> dict[float, list[Demonstration]]:
-    """Runs by setting in degrees, in rising order, from `<setting>.parquet`.
+    """Runs by setting in degrees, ascending, from `<setting>.parquet`.
 
     Raises InputError: there is no such folder, or a file cannot be read.
     """
@@ -72,7 +72,7 @@ def read_settings(folder: str | Path) -> dict[float, list[Demonstration]]:
 
 
 def read_expected(folder: str | Path) -> dict[str, VectorPrimitive]:
-    """Expected traces by primitive, from `<primitive>.safetensors`; none without sensors.
+    """Expected traces by primitive, from `<primitive>.safetensors`; empty without sensors.
 
     Raises InputError: there is no such folder, or a file is not readable.
     """

@@ -1,4 +1,4 @@
-"""Names, order and colours of what is compared on the board, for pages and recordings alike."""
+"""Names, order and colours of what is compared on the board, for pages and recordings."""
 
 from collections.abc import Sequence
 
@@ -20,7 +20,7 @@ from structlearn.policy_search.sample_efficiency import CMA_ES, PI2
 from structlearn.testbeds.scraping.protocol.execution_scores import AFTER, BEFORE, NOMINAL
 
 CORRECTED = "corrected"
-"""Key of the executions that a person corrects."""
+"""Key of the executions corrected by a person."""
 
 RUNS = {
     NOMINAL: Look("no feedback", GREEN),
@@ -48,7 +48,7 @@ REPRESENTATIONS = {
 """Forms of the feedback model, by the names of `feedback_models`."""
 
 CUT_METHODS = {method: Look(name, METHOD_COLOURS[method]) for method, name in METHOD_NAMES.items()}
-"""Ways of finding cut points."""
+"""Methods of finding cut points."""
 
 ROLLOUTS = {
     SAMPLE: Look("drawn policies", GREY),
@@ -58,9 +58,9 @@ ROLLOUTS = {
 """Executions of a refinement by trial."""
 
 SEARCHES = {PI2: Look("PI2-CMA", BLUE), CMA_ES: Look("CMA-ES", OCHRE)}
-"""Ways of searching a policy."""
+"""Policy search methods."""
 
 
 def primitive_title(primitives: Sequence[str], name: str) -> str:
-    """`turn (primitive 2)`, counted as in the dissertation."""
+    """Name and number of a primitive, counted as in the dissertation, e.g. `turn (primitive 2)`."""
     return f"{name} (primitive {list(primitives).index(name) + 1})"

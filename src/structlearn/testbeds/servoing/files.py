@@ -1,4 +1,4 @@
-"""Files of the servoing testbed, for its page and its recordings."""
+"""Files of the servoing testbed, for its page and recordings."""
 
 import pandas as pd
 

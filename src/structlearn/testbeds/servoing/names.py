@@ -1,4 +1,4 @@
-"""Names, order and colours of what servoing compares, for its page and its recordings."""
+"""Names, order and colours of compared models and controllers, for the page and recordings."""
 
 from structlearn.palette import BLACK, BLUE, GREEN, GREY, LIGHT_BLUE, LIGHT_GREY, OCHRE, ORANGE, PINK
 from structlearn.tactile.latent_parameters import (
@@ -18,7 +18,7 @@ INVERSE_COLOURS: dict[InverseModel, str] = {LOCALLY_LINEAR: GREEN, NEGATIVE_GRAD
 FORM_NAMES = {PUBLISHED: "published controller", RESTING: "resting controller"}
 FORM_COLOURS = {PUBLISHED: OCHRE, RESTING: BLUE}
 TEXT, OURS = Variant(PUBLISHED, JACOBIAN), Variant(RESTING, JACOBIAN)
-"""The dissertation's controller with the non-linear model and its Jacobian; the resting one with these."""
+"""The dissertation's controller (non-linear model, its Jacobian), and the resting one with the same model."""
 
 STRUCTURE_NAMES = {True: "structure", False: "no structure"}  # latent spaces
 STRUCTURE_COLOURS = {True: BLACK, False: GREY}
@@ -26,7 +26,7 @@ STRUCTURE_COLOURS = {True: BLACK, False: GREY}
 DYNAMICS = tuple((forward, way) for forward, ways in TRAINED_WITH.items() for way in ways)
 """Forward models, and the inverse model whose loss they were trained with."""
 
-STILL = (UNCHANGED, NO_INVERSE)  # the prediction that nothing moves
+STILL = (UNCHANGED, NO_INVERSE)  # prediction of no motion
 
 LATENT_NAMES = {
     "reconstruction": "reconstruction",
@@ -52,7 +52,7 @@ ESTIMATED, TRUE, LATENT = ORANGE, GREEN, LIGHT_BLUE
 """Colours of the estimated contact, the true one, and the latent state."""
 
 ELECTRODE_COLOURS = (LIGHT_BLUE, OCHRE, GREEN, PINK, ORANGE, BLUE, LIGHT_GREY)
-"""Colours by number, repeated: neighbours in number differ."""
+"""Colours by electrode number, repeated such that neighbouring numbers differ."""
 
 
 def electrode_colours(count: int) -> list[str]:
@@ -61,7 +61,7 @@ def electrode_colours(count: int) -> list[str]:
 
 
 def dynamics_name(forward: str, trained_with: str) -> str:
-    """`NL with NJ's loss` or `NL`: a forward model, and the inverse model's loss it was trained with."""
+    """Name of a forward model with the inverse model in its loss, e.g. `NL` or `NL with NJ's loss`."""
     if forward == UNCHANGED:
         return "nothing moves"
     return forward if trained_with == NO_INVERSE else f"{forward} with {trained_with}'s loss"

@@ -1,4 +1,4 @@
-"""Figures of the dynamics testbed; every panel is a figure of its own, in colours and lines of `names`."""
+"""Figures of the dynamics testbed, one per panel, with the colours and line styles of `names`."""
 
 from collections.abc import Mapping, Sequence
 from typing import Any
@@ -31,7 +31,7 @@ from structlearn.testbeds.dynamics.protocol.tracking import TrackedReach, tracke
 from structlearn.testbeds.dynamics.protocol.trainings import OURS, TEXT
 from structlearn.testbeds.dynamics.world.arm_motion import SineParameters, sine_path
 
-HIGHEST_NMSE = 1e6  # upper end of the axis for what diverges
+HIGHEST_NMSE = 1e6  # upper end of the axis, where diverged runs are drawn
 
 EPOCH_TICKS = (0, 1, 2, 5, 10, 20, 40, 64)
 
@@ -43,18 +43,18 @@ SHOWN_REACHES = {
 
 FORM_MARKERS = {TEXT: "o", OURS: "s"}
 MARKERS = {"nostr": "x", "symm": "+", "spd": "s", "tri": "^", "cov": "o"}
-SHOWN_JOINTS = (1, 2, 4, 6)  # whose friction is drawn: large and small ones, one of a kind
-WIDE: dict[str, Any] = {"color": REFERENCE, "linewidth": 4.0}  # of references
+SHOWN_JOINTS = (1, 2, 4, 6)  # joints whose friction is drawn, from large to small
+WIDE: dict[str, Any] = {"color": REFERENCE, "linewidth": 4.0}  # style of references
 
 VIEW = View(target=(0.0, 0.0, 0.6), distance=2.45, yaw_deg=50.0, pitch_deg=-16.0)
 
-SHOWN_AT = (0.708, 0.146, 0.925)  # shares of the motion in the still, at which all joints are bent
-COLUMNS = slice(235, 785)  # pixels of each that are kept: the arm, and little beside it
+SHOWN_AT = (0.708, 0.146, 0.925)  # times in the still, as shares of the motion, at which all joints are bent
+COLUMNS = slice(235, 785)  # columns of pixels that are kept: the arm, with little margin
 
 
 @styled
 def drawings(results: DynamicsResults) -> Mapping[str, Sequence[Drawing]]:
-    """The figures of the page by name, but for the still."""
+    """The figures of the page by name, except the still."""
     errors = results.errors
     errors = errors[errors["arm"] == IDEAL]
     curves = errors.groupby(["form", "model", "seed", "epoch"], sort=False)["nmse"].mean().reset_index()
@@ -86,7 +86,7 @@ def drawings(results: DynamicsResults) -> Mapping[str, Sequence[Drawing]]:
 
 
 def arm_still(urdf: str, tree: KinematicTree, motion: SineParameters) -> np.ndarray:
-    """(H, W, 3) bytes: the arm of a URDF in poses of its sine motion, beside each other."""
+    """(H, W, 3) bytes: the arm in poses of its sine motion, side by side."""
     path = sine_path(tree, motion).position
     poses = (path[int(share * len(path))] for share in SHOWN_AT)
     return np.hstack([still(VIEW, urdf=urdf, angles=pose)[:, COLUMNS] for pose in poses])
@@ -95,7 +95,7 @@ def arm_still(urdf: str, tree: KinematicTree, motion: SineParameters) -> np.ndar
 def _curves(
     results: DynamicsResults, curves: pd.DataFrame, step: str, column: str, value: str, title: str
 ) -> Figure:
-    """Geometric mean over seeds of each model's NMSE (mean over joints), and the range of the seeds."""
+    """Geometric mean over seeds of each model's NMSE (mean over joints), and the range over seeds."""
     figure, panel = _panel(3.3, title, step, "NMSE, mean over joints")
     for model in results.kinds:
         its = curves[(curves[column] == value) & (curves["model"] == model)]
@@ -105,7 +105,7 @@ def _curves(
         panel.plot(wide.index, 10.0 ** wide.mean(axis=1), label=NAMES[model], **look(model))
         low, high = 10.0 ** wide.min(axis=1), 10.0 ** wide.max(axis=1)
         panel.fill_between(wide.index, low, high, color=colour(model), alpha=0.12, linewidth=0)
-    highest = curves["nmse"].max()  # of all panels: they have one scale
+    highest = curves["nmse"].max()  # over all panels, which share one scale
     panel.set(yscale="log", ylim=(0.5 * curves["nmse"].min(), min(2.0 * highest, HIGHEST_NMSE)))
     legend_above(figure, panel, columns=4)
     return figure
@@ -126,7 +126,7 @@ def _training(results: DynamicsResults, curves: pd.DataFrame, form: str) -> Figu
 
 
 def _tracking(results: DynamicsResults, robot: str) -> Figure:
-    """NMSE of the tool's velocity in reaches, a mark per seed or robot; hollow ones had to be stopped."""
+    """NMSE of the tool's velocity in reaches, a mark per seed or robot; hollow: the run was stopped."""
     figure, panel = _panel(3.6, ROBOT_TITLES[robot], "NMSE of the tool's velocity in reaches", "")
     models = results.tracked(robot)
     for row, model in enumerate(models):
@@ -178,7 +178,7 @@ def _speeds(reaches: Sequence[TrackedReach], title: str) -> Figure:
 
 
 def _bodies(table: pd.DataFrame, learned: str, true: str, title: str) -> Figure:
-    """Learned over true values of the structures, of the first seed."""
+    """Learned values over true ones for the first seed of the structures."""
     figure, panel = _panel(3.3, title, "of the arm", "learned")
     first = table["seed"] == table["seed"].min()
     its = table[(table["form"] == TEXT) & first].set_index("model")
@@ -188,7 +188,7 @@ def _bodies(table: pd.DataFrame, learned: str, true: str, title: str) -> Figure:
         panel.plot(rows[true], rows[learned], color=colour(model), label=NAMES[model], **marked)
     ends = [table[true].min(), table[true].max()]
     panel.plot(ends, ends, color=GREY, linewidth=0.9, zorder=0)
-    if learned == "value":  # from 0.001 to 10 of either sign
+    if learned == "value":  # 0.001 to 10, of either sign
         panel.set_xscale("symlog", linthresh=0.01, linscale=0.6)
         panel.set_yscale("symlog", linthresh=0.01, linscale=0.6)
     legend_above(figure, panel)
@@ -196,7 +196,7 @@ def _bodies(table: pd.DataFrame, learned: str, true: str, title: str) -> Figure:
 
 
 def _friction(joint: int, residuals: pd.DataFrame) -> Figure:
-    """Torques beyond those of rigid bodies over the joint's speed, and the learned friction."""
+    """Measured torques minus rigid-body torques over the joint's speed, and the learned friction."""
     figure, panel = _panel(2.2, f"Joint {joint}", "speed (rad/s)", "torque (N m)")
     its = residuals.sort_values("velocity_rad_s")
     speed, measured = its["velocity_rad_s"], its["residual_n_m"]
@@ -210,7 +210,7 @@ def _friction(joint: int, residuals: pd.DataFrame) -> Figure:
 
 
 def _payload(results: DynamicsResults) -> Figure:
-    """Learned mass and first moment of a payload over the true ones, a thin line per robot."""
+    """Learned mass and first moment of a payload, with the true ones; a thin line per robot."""
     payload, carried = results.payload, results.chosen["record_motion"].payload
     figure, panel = _panel(2.5, "Learned of the payload", "time (s)", "share of the truth")
     truth = carried.mass_kg * np.linalg.norm(carried.point_m)
@@ -228,7 +228,7 @@ def _payload(results: DynamicsResults) -> Figure:
 
 
 def _payload_errors(results: DynamicsResults) -> Figure:
-    """Errors of torques that the models have not learned from yet, mean over robots."""
+    """Torque errors on batches before they are learned from, mean over robots."""
     payload = results.payload.groupby("time_s")[["nmse_fixed", "nmse_learned"]].mean()
     figure, panel = _panel(2.5, "Torques of the next batch", "time (s)", "NMSE, mean over robots")
     panel.plot(payload.index, payload["nmse_fixed"], label="model of the empty arm", **look(GROUND_TRUTH))

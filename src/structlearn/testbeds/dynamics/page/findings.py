@@ -1,7 +1,7 @@
-"""Findings on learned dynamics, from the outputs of the stages; sentences and claims of the page name them.
+"""Findings on learned dynamics, from the stages' outputs; sentences and claims of the page refer to them.
 
 n counts seeds in simulation and robots elsewhere; ratios and differences are paired. Claims of the
-dissertation are decided by the published form; our form has separate claims. Models that did not meet the
+dissertation are decided by the published form; our form has its own claims. Models that did not meet the
 criterion decide nothing (`UNMET`): the dissertation trained until it was met. The seeds and robots of the
 study `dynamics/robots` are added to those of this run.
 """
@@ -31,49 +31,49 @@ from structlearn.testbeds.dynamics.names import IDEAL, REACH, ROBOT, SINE
 from structlearn.testbeds.dynamics.protocol.tracking import KNOWN
 from structlearn.testbeds.dynamics.protocol.trainings import LOSSES, OURS, TEXT, Form
 
-STOPPED_NMSE = 1.0  # least error of a run that had to be stopped: that of an arm that does not move
-SETTLED_SHARE = 0.1  # of a payload's mass; within it the learned mass counts as right, batch by batch
+STOPPED_NMSE = 1.0  # least error of a stopped run: that of an arm that does not move
+SETTLED_SHARE = 0.1  # of a payload's mass: largest error at which the learned mass counts as right
 TERMS: tuple[FrictionTerm, ...] = ("viscous", "coulomb")  # friction of the simulated robots
-RESIDUAL_RATE_HZ = 10.0  # of residual torques that are kept to be drawn
-NETWORKS = ("mlp", "delan")  # the published models without inertias
+RESIDUAL_RATE_HZ = 10.0  # of residual torques kept for the figure
+NETWORKS = ("mlp", "delan")  # published models without inertias
 
 RIVALS = {TEXT: (*NETWORKS, "nostr", "symm"), OURS: ("mlp", "mlp_scaled", "delan", "nostr", "symm")}
-"""All that are less constrained than SPD, Tri and Cov, by form."""
+"""Models that are less constrained than SPD, Tri and Cov, by form."""
 
 UNMET = "no network of this kind met the criterion"
 
 SUFFIXES = {OURS: "", TEXT: "_plain"}
-"""Of cases, by form: the published one has plain Adam and the plain loss."""
+"""Suffix of cases by form; the published form has plain Adam and the plain loss."""
 
 HEADLINES = (*(f"{model}_plain" for model in STRICT), "mlp", "delan", "cov")  # epochs in `metrics.json`
 ROBOTS_STUDY = "dynamics/robots"  # further seeds and robots, which the verdicts include
 STUDIED = ("outcomes", "scores", "payload", "known")  # tables that include those of the study
 
 Scores = Callable[[str], pd.Series]
-"""Scores of a model, by seed or robot; empty where it was not run."""
+"""Scores of a model by seed or robot; empty if it was not run."""
 
 
 @dataclass(frozen=True)
 class DynamicsResults:
-    """Outputs of the testbed's stages, `STUDIED` with those of a study, and quantities that follow from them.
+    """Outputs of the testbed's stages (`STUDIED` including those of a study), and derived quantities.
 
-    A seed is that of the robot, or in simulation that of a model's start and of its goals.
+    A seed is that of the robot or, in simulation, that of a model's start and of its goals.
     """
 
     errors: pd.DataFrame  # of trainings, see `protocol.trainings.train`
     outcomes: pd.DataFrame
-    links: pd.DataFrame  # learned beside the truth, see `rigid_body.base_parameters`, with `model`, `form`
+    links: pd.DataFrame  # learned and true values, see `rigid_body.base_parameters`, with `model`, `form`
     base: pd.DataFrame
     scores: pd.DataFrame  # see `protocol.tracking.track`
     paths: pd.DataFrame
     online: pd.DataFrame  # see `rigid_body.payload`
     payload: pd.DataFrame  # likewise, with `seed`
-    agreement: pd.DataFrame  # a row per URDF, see `rigid_body.newton_euler`, with `robot`
+    agreement: pd.DataFrame  # one row per URDF, see `rigid_body.newton_euler`, with `robot`
     known: pd.DataFrame  # of robots' logs, see `known_errors` and below, with `seed`
     friction: pd.DataFrame
     residuals: pd.DataFrame  # likewise, of the first robot
-    chosen: Mapping[str, Any]  # parameters by their key in `params.yaml`
-    study: Study | None = None  # of further robots; None where it was not run with these parameters
+    chosen: Mapping[str, Any]  # parameters by key in `params.yaml`
+    study: Study | None = None  # of further robots; None if it was not run with these parameters
 
     @cached_property
     def kinds(self) -> list[str]:
@@ -91,18 +91,18 @@ class DynamicsResults:
         return in_order(self.outcomes.loc[self.outcomes["arm"] == ROBOT, "model"].unique())
 
     def tracked(self, arm: str) -> list[str]:
-        """Models that were tracked with on an arm in any form, in the order of tables."""
+        """Models that tracked with an arm in any form, in the order of tables."""
         return in_order(self.scores.loc[self.scores["robot"] == arm, "model"].unique())
 
     def outcome(self, arm: str, model: str, form: Form = TEXT) -> pd.DataFrame:
-        """Outcomes of a model (`cov`, `cov_coulomb`) by seed; empty where it was not trained.
+        """Outcomes of a model (`cov`, `cov_coulomb`) by seed; empty if it was not trained.
 
-        Where the threshold was not `reached`, epochs are the limit: a lower bound.
+        If the threshold was not `reached`, epochs are the limit: a lower bound.
         """
         return self._outcomes(arm, model, form)
 
     def runs(self, arm: str, model: str, task: str, form: Form = TEXT) -> pd.DataFrame:
-        """Scores of a model that met the criterion, by seed; of stopped runs at least `STOPPED_NMSE`."""
+        """Scores of a model that met the criterion, by seed; stopped runs score at least `STOPPED_NMSE`."""
         known = self._runs(arm, model, task, KNOWN)
         return known if len(known) else self._runs(arm, model, task, form)
 
@@ -111,12 +111,12 @@ class DynamicsResults:
         return self.runs(arm, model, REACH, form)["velocity_nmse"]
 
     def stopped(self, arm: str, model: str, form: Form = TEXT) -> tuple[int, int]:
-        """Number of runs of a model, sines and reaches, that had to be stopped, and number of all."""
+        """Number of a model's runs (sines and reaches) that were stopped, and number of all."""
         halted = pd.concat([self.runs(arm, model, task, form)["stopped"] for task in (SINE, REACH)]) != ""
         return int(halted.sum()), len(halted)
 
     def robot_error(self, model: str, form: Form = TEXT) -> pd.Series:
-        """NMSE on robots' logs, mean over joints, of a known or a learned model, by robot."""
+        """NMSE of a known or learned model on robots' logs, mean over joints, by robot."""
         if model in (GROUND_TRUTH, DEFAULT):
             return self.known[self.known["model"] == model].groupby("seed")["nmse"].mean()
         return self.outcome(ROBOT, model, form)["nmse_mean"]
@@ -142,13 +142,13 @@ class DynamicsResults:
 
     @cached_property
     def pick_up_s(self) -> float:
-        """When payloads are picked up."""
+        """Time in s at which payloads are picked up."""
         motion = self.chosen["arm_motion"].used.cut(self.chosen["stand_in"].log_s)
         return self.chosen["record_motion"].payload.at_share * motion.duration_s
 
     @cached_property
     def settling_s(self) -> pd.Series:
-        """By robot, time from the pick-up until the learned mass stays right; NaN if it does not."""
+        """Per robot, time from the pick-up until the learned mass stays right; NaN if it never does."""
         mass_kg, found = self.chosen["record_motion"].payload.mass_kg, {}
         for seed, its in self.payload[self.payload["time_s"] > self.pick_up_s].groupby("seed"):
             wrong = (its["mass_kg"] - mass_kg).abs() > SETTLED_SHARE * mass_kg
@@ -158,7 +158,7 @@ class DynamicsResults:
 
     @cached_property
     def mass_errors(self) -> pd.Series:
-        """By robot, share by which the payload's mass is wrong, averaged over the second half of its time."""
+        """Per robot, relative error of the payload's mass, averaged over the second half of its time."""
         late = 0.5 * (self.pick_up_s + self.payload["time_s"].max())
         mass = self.payload[self.payload["time_s"] > late].groupby("seed")["mass_kg"].mean()
         return (mass / self.chosen["record_motion"].payload.mass_kg - 1.0).abs()
@@ -184,13 +184,13 @@ class DynamicsResults:
 
 
 def _rows_by(table: pd.DataFrame, keys: list[str]) -> Callable[..., pd.DataFrame]:
-    """Rows by their keys, none for unknown ones, grouped once: pages ask hundreds of times."""
+    """Rows by key (none for unknown ones), grouped once, since pages ask hundreds of times."""
     groups, none = dict(iter(table.groupby(keys))), table.iloc[:0]
     return lambda *key: groups.get(key, none)
 
 
 def known_errors(robot: Robot, mechanics: Mechanics, motion: Motion) -> pd.DataFrame:
-    """Errors of known models, the truth and the URDF (default): `model`, `joint` (from 1), `nmse`."""
+    """Errors of known models (truth and URDF default): `model`, `joint` (from 1), `nmse`."""
     rubbing = np.stack([mechanics.viscous, mechanics.coulomb], axis=-1)
     friction = np.einsum("tjk,jk->tj", friction_columns(motion.q, motion.qd, TERMS), rubbing)
     torques = {
@@ -203,7 +203,7 @@ def known_errors(robot: Robot, mechanics: Mechanics, motion: Motion) -> pd.DataF
 
 
 def friction_table(models: Mapping[str, DynamicsModels], mechanics: Mechanics) -> pd.DataFrame:
-    """Friction that the first of each models learned of one robot, and the truth.
+    """Friction learned by the first of each models on one robot, and the truth.
 
     Returns `model`, `joint` (from 1), `term`, `value` in N m s/rad or N m, and `truth`.
     """
@@ -218,7 +218,7 @@ def friction_table(models: Mapping[str, DynamicsModels], mechanics: Mechanics) -
 
 
 def residual_torques(robot: Robot, models: DynamicsModels, motion: Motion, rate_hz: float) -> pd.DataFrame:
-    """Measured torques less those of the first model's links: friction and noise, at `RESIDUAL_RATE_HZ`.
+    """Measured torques minus those of the first model's links: friction and noise, at `RESIDUAL_RATE_HZ`.
 
     Returns `joint` (from 1), `velocity_rad_s`, `residual_n_m`, `friction_n_m`.
     """
@@ -232,19 +232,18 @@ def residual_torques(robot: Robot, models: DynamicsModels, motion: Motion, rate_
 
 @lru_cache
 def published() -> Mapping[str, Any]:
-    """Values of the dissertation, `published.yaml`."""
+    """Values printed in the dissertation, `published.yaml`."""
     return read_values(Path(__file__).with_name("published.yaml"))
 
 
 def findings(results: DynamicsResults) -> Findings:
-    """All of the page.
+    """All findings of the page.
 
-    `epochs`: to the threshold on every joint in simulation, `epochs_limit` where it was not reached; geometric
-    means, as the claims compare models by ratio.
-    `ee_velocity_nmse`: of the tool's velocity in reaches; a run that had to be stopped counts at least 1, and
-    as one of the `unstable` runs, sines and reaches. `robot_...`: the same of robots; `robot_nmse` on their
-    logs, mean over joints. `online_nmse`: on the whole motion after one pass. `payload_settling_s_...`: over
-    the `payload_settled` robots where the learned mass stays right.
+    `epochs`: to the threshold on every joint in simulation (`epochs_limit` if not reached), as geometric
+    means, since claims compare models by ratio. `ee_velocity_nmse`: of the tool's velocity in reaches; a
+    stopped run counts at least 1, and as one of the `unstable` runs (sines and reaches). `robot_...`: the
+    same for robots; `robot_nmse` on their logs, mean over joints. `online_nmse`: on the whole motion after
+    one pass. `payload_settling_s_...`: over the `payload_settled` robots whose learned mass stays right.
     """
     find = Findings("seeds")
     robots = find.among("simulated robots")
@@ -264,7 +263,7 @@ def findings(results: DynamicsResults) -> Findings:
     robots.mean("payload_mass_error_share", results.mass_errors)
     settled = results.settling_s.dropna()
     robots.counted("payload_settled", len(settled), len(results.settling_s))
-    for name in ("median", "min", "max"):  # NaN where no robot's settled
+    for name in ("median", "min", "max"):  # NaN if none settled
         robots.exact(f"payload_settling_s_{name}", settled.agg(name), len(settled), unit="s")
     return find
 
@@ -321,7 +320,7 @@ def _of_robots(find: Findings, results: DynamicsResults, form: Form) -> None:
     stopped = results.runs(ROBOT, "delan", REACH, form)["stopped"] != ""
     _cases(find.geometric_mean, f"robot_gain_{form}", gains)
     _cases(find.mean, f"robot_networks_{form}", {model: error(model) for model in NETWORKS})
-    if len(stopped):  # one run of each robot: trials are independent, so a plain share
+    if len(stopped):  # one run per robot: trials are independent, so a plain share
         find.share(f"robot_delan_stopped_{form}", int(stopped.sum()), len(stopped))
     else:
         find.unknown(f"robot_delan_stopped_{form}", UNMET)
@@ -331,7 +330,7 @@ def _of_robots(find: Findings, results: DynamicsResults, form: Form) -> None:
 
 
 def _online(find: Findings, results: DynamicsResults) -> None:
-    """NMSE on the whole motion of the others over that of SPD, Tri and Cov."""
+    """NMSE of the others on the whole motion, relative to that of SPD, Tri and Cov."""
     scores, strict, nothing = results.online_scores(), results.strict, pd.Series(dtype=float)
 
     def course(model: str) -> pd.Series:
@@ -360,7 +359,7 @@ def _cases(found: Callable[..., Found], name: str, samples: Mapping[str, pd.Seri
 
 
 def _over(score: Scores, model: str, references: Sequence[str]) -> pd.Series:
-    """Scores of a model over the geometric mean of others, by seed; NaN where one lacks it."""
+    """Scores of a model over the geometric mean of others, by seed; NaN if one is missing."""
     reference = 1.0
     for one in references:
         reference = reference * score(one) ** (1.0 / len(references))
@@ -370,7 +369,7 @@ def _over(score: Scores, model: str, references: Sequence[str]) -> pd.Series:
 def _ratios(
     find: Findings, name: str, score: Scores, models: Iterable[str], references: Sequence[str]
 ) -> None:
-    """Scores of models over the geometric mean of others, over the seeds that both have."""
+    """Scores of models over the geometric mean of others, over common seeds."""
     _cases(find.geometric_mean, name, {model: _over(score, model, references) for model in models})
 
 

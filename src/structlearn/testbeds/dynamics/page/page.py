@@ -1,6 +1,6 @@
-"""The page of the dynamics testbed: tables, numbers in sentences, and their sources.
+"""Page of the dynamics testbed: tables, numbers in sentences, and their sources.
 
-Tables show published beside reproduced values, and learned values beside the truth.
+Tables compare published with reproduced values, and learned values with the truth.
 """
 
 from collections.abc import Mapping
@@ -47,7 +47,7 @@ SCORES = {
 """Columns of tables III.1 and III.2: task, column of the scores, heading."""
 
 CONDITIONS = ["positive_mass", "positive_definite", "triangle"]
-"""Of physical consistency, columns of `base_parameters.link_table`."""
+"""Conditions of physical consistency, columns of `base_parameters.link_table`."""
 
 DETAILED = "cov"  # structure whose learned bodies are listed
 
@@ -107,7 +107,7 @@ def dynamics_page(results: DynamicsResults, find: Findings) -> Document:
 
 
 def _stopped(results: DynamicsResults, arm: str) -> list[str]:
-    """`DeLaN (our training) 4 of 10`, for models with runs that had to be stopped."""
+    """Models with stopped runs, e.g. `DeLaN (our training) 4 of 10`."""
     return [
         f"{model_name(model)} ({title.lower()}) {stopped} of {count}"
         for model, (form, title) in product(results.tracked(arm), FORM_TITLES.items())
@@ -117,7 +117,7 @@ def _stopped(results: DynamicsResults, arm: str) -> list[str]:
 
 
 def _median_friction(results: DynamicsResults) -> dict[str, float]:
-    """Median relative errors of learned coefficients; `factor` where only viscous friction was learned."""
+    """Median relative errors of learned coefficients; `factor` if only viscous friction was learned."""
     known = results.friction
     ratio = known["value"] / known["truth"]
     median, off = (
@@ -128,7 +128,7 @@ def _median_friction(results: DynamicsResults) -> dict[str, float]:
 
 def tables(results: DynamicsResults) -> dict[str, Table]:
     """Tables of the page by name, and those that a study collects from each cell."""
-    differences = ("recursion_n_m", "regressor_n_m", "compiled_n_m")  # of three ways to the same torques
+    differences = ("recursion_n_m", "regressor_n_m", "compiled_n_m")  # of three implementations
     found = {
         "simulation": _scores(results, IDEAL),
         "epochs": _epochs(results),
@@ -174,7 +174,7 @@ def _scores(results: DynamicsResults, robot: str) -> Table:
 
 
 def _score(runs: pd.DataFrame, score: str) -> str:
-    """Mean and spread; a model that did not meet the criterion has no runs."""
+    """Mean and spread; models that did not meet the criterion have no runs."""
     if runs.empty:
         return "not tested"
     return "unstable" if (runs["stopped"] != "").all() else _spread(runs[score], ".3f")
@@ -192,7 +192,7 @@ def _epochs(results: DynamicsResults) -> Table:
 
 
 def _epochs_text(outcome: pd.DataFrame) -> str:
-    """`2.0 ± 0.7`; `3.0 (1 of 5)` where others did not reach it, `> 40` where none did, or nothing."""
+    """Text like `2.0 ± 0.7`, `3.0 (1 of 5)` if others did not reach it, `> 40` if none did, or empty."""
     reached = outcome[outcome["reached"]]["epochs"]
     if len(outcome) and not len(reached):
         return f"> {outcome['epochs'].max():.0f}"
@@ -200,13 +200,13 @@ def _epochs_text(outcome: pd.DataFrame) -> str:
 
 
 def _counted(known: pd.Series, every: int) -> str:
-    """Mean and spread, with their number unless it is all of them."""
+    """Mean and spread, with their number if some are missing."""
     text = with_spread(known.mean(), known.std()) if len(known) else "not reached"
     return text if len(known) in (0, every) else f"{text} ({len(known)} of {every})"
 
 
 def _by_model(columns: Mapping[str, pd.Series], number_format: str = "") -> Table:
-    """A table with a row per model."""
+    """A table with one row per model."""
     frame = pd.DataFrame(columns)
     frame = frame.loc[in_order(frame.index)].rename(index=model_name).rename_axis("model").reset_index()
     return Table(frame, dict.fromkeys(columns, number_format) if number_format else {})
@@ -222,14 +222,14 @@ def _online(results: DynamicsResults) -> Table:
 
 
 def _bodies(results: DynamicsResults) -> Table:
-    """Per `model`: number of learned `links`, and of those that meet each of `CONDITIONS`, and all."""
+    """Per `model`: number of learned `links`, of those that meet each of `CONDITIONS`, and all of them."""
     its = results.links.query("form == @TEXT")
     met = its[CONDITIONS].assign(possible=its[CONDITIONS].all(axis=1)).groupby(its["model"])
     return _by_model({"links": met.size()} | dict(met.sum()))
 
 
 def _base_errors(results: DynamicsResults) -> Table:
-    """Per `model` the median over parameters and seeds of the relative error: `base` parameters, `mass`."""
+    """Per `model` the median relative error over parameters and seeds: `base` parameters, `mass`."""
     columns = {}
     for name, table, learned, true in (
         ("base", results.base, "value", "truth"),
@@ -241,7 +241,7 @@ def _base_errors(results: DynamicsResults) -> Table:
 
 
 def _links(results: DynamicsResults) -> Table:
-    """Learned masses, centres and largest moments of `DETAILED` beside the truth, mean ± std over seeds."""
+    """Masses, centres and largest moments learned by `DETAILED`, and the truth; mean ± std over seeds."""
     its = results.links.query("form == @TEXT and model == @DETAILED")
     axes = [f"centre_{axis}_m" for axis in "xyz"]
     away = its[axes].to_numpy() - its[[f"true_{axis}" for axis in axes]].to_numpy()
@@ -281,7 +281,7 @@ def _robot_errors(results: DynamicsResults) -> Table:
 
 
 def _friction(results: DynamicsResults) -> Table:
-    """Friction that `DETAILED` learned beside the truth: `joint`; `true_` and learned terms, as text."""
+    """Friction learned by `DETAILED`, and the truth: `joint`; `true_` and learned terms, as text."""
     its = results.friction[results.friction["model"] == f"{DETAILED}{COULOMB}"]
     columns: dict[str, pd.Series] = {}
     for term, rows in its.groupby("term", sort=False):
@@ -292,7 +292,7 @@ def _friction(results: DynamicsResults) -> Table:
 
 
 def _spread(values: pd.Series, number_format: str) -> str:
-    """Mean ± std; as in the dissertation, without a std that rounds to zero."""
+    """Mean ± std; as in the dissertation, a std that rounds to zero is left out."""
     std = values.std()
     return with_spread(
         values.mean(), np.nan if float(format(std, number_format)) == 0.0 else std, number_format

@@ -1,1 +1,1 @@
-"""Tracking with learned models."""
+"""Training of dynamics models, and tracking with them."""

@@ -1,4 +1,4 @@
-"""Tracking with a model in the controller: sines like those it learned from, and reaches (III.4)."""
+"""Tracking of sines (like the training motion) and of reaches, with a model in the controller (III.4)."""
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
@@ -32,12 +32,12 @@ from structlearn.testbeds.dynamics.world.arm_motion import (
 from structlearn.testbeds.dynamics.world.controlled_arm import Feedback, ReferencePath, Run, SimulatedArm, run
 from structlearn.testbeds.dynamics.world.operational_space import tool_motion
 
-SHOWN_RATE_HZ = 25.0  # of the paths that are kept to be looked at
-KNOWN = ""  # form of a model that is known instead of learned
+SHOWN_RATE_HZ = 25.0  # of the paths kept for figures and recordings
+KNOWN = ""  # form of a model that was not learned
 
 
 class TrackingParameters(Parameters):
-    """Models and tasks."""
+    """Models and tasks of tracking."""
 
     models: tuple[str, ...]
     robot_models: tuple[str, ...]
@@ -47,10 +47,10 @@ class TrackingParameters(Parameters):
 
 @dataclass(frozen=True)
 class Candidate:
-    """A model for the controller."""
+    """A model to be used in the controller."""
 
     name: str
-    form: str  # of its training; `KNOWN` for one that was not learned
+    form: str  # of its training; `KNOWN` if it was not learned
     seeds: tuple[int, ...]  # of its goals: that of its training, or all for a model that was not learned
     model: InverseDynamics
 
@@ -59,10 +59,10 @@ class Candidate:
 class Testbed:
     """An arm and its tasks."""
 
-    __test__ = False  # not a test, whatever pytest thinks of its name
+    __test__ = False  # not a test, despite its name
 
     name: str  # of the arm
-    seeds: tuple[int, ...]  # of the goals; a robot has its own alone
+    seeds: tuple[int, ...]  # of the goals; a robot has only its own
     shown: int  # seed of the paths that are kept
     arm: SimulatedArm  # the gains of its joints come from its URDF
     motion: SineParameters
@@ -70,13 +70,13 @@ class Testbed:
 
     @property
     def feedback(self) -> Feedback:
-        """Of the joints."""
+        """Gains of the joint feedback."""
         robot = self.arm.robot
         return joint_feedback(robot.tree, robot.inertias, self.motion.feedback)
 
 
 def known(testbed: Testbed) -> list[Candidate]:
-    """Known models of an arm: the truth, and the URDF where that differs."""
+    """Known models of an arm: the truth, and the URDF if it differs."""
     robot, true = testbed.arm.robot, testbed.arm.mechanics
     friction = friction_rows(np.stack([true.viscous, true.coulomb], axis=-1), ("viscous", "coulomb"))
     models = {GROUND_TRUTH: inverse_dynamics(robot.tree, true.inertias, friction)}
@@ -90,7 +90,7 @@ def learned(
 ) -> list[Candidate]:
     """Learned models that met the criterion, one candidate each.
 
-    `read` gives the models of a form and name, in the order of this arm's outcomes of `trainings.train`.
+    `read`: (form, name) -> models, in the order of this arm's outcomes of `trainings.train`.
     """
     return [
         Candidate(name, form, (row.seed,), compiled_model(read(form, name), place, testbed.arm.robot.tree))
@@ -104,23 +104,22 @@ def track(testbed: Testbed, candidates: Sequence[Candidate]) -> tuple[pd.DataFra
     """Track sines and reaches with every model.
 
     Errors are normalised by the variance of the reference: of sines per joint, then averaged; of reaches
-    over all axes. A run that was stopped (see `controlled_arm.run`) has the reason instead of a score.
+    over all axes. A stopped run (see `controlled_arm.run`) has the reason instead of a score.
 
     Returns:
-        scores: a row per model, seed and task: `robot`, `model`, `form`, `seed`, `task` (`sine`, `reach`),
-            `position_nmse`, `velocity_nmse` (NaN where it was stopped), `stopped` (empty where it ran
-            through), `duration_s`.
+        scores: one row per model, seed and task: `robot`, `model`, `form`, `seed`, `task` (`sine`, `reach`),
+            `position_nmse`, `velocity_nmse` (NaN if stopped), `stopped` (reason, or empty), `duration_s`.
         paths: of the shown seed, 25 Hz: `robot`, `model`, `form`, `task`, `time_s`, a column per joint in
             rad, `tool_x` ... and `wanted_x` ... in m.
     """
     tables = parallel_map(partial(_track_one, testbed), candidates, f"tracking, {testbed.name}")
     scores, paths = zip(*tables, strict=True)
-    none = pd.DataFrame()  # robots but one have no paths that are kept
+    none = pd.DataFrame()  # paths are kept for one robot only
     return pd.concat(scores, ignore_index=True), pd.concat([none, *chain(*paths)], ignore_index=True)
 
 
 def _track_one(testbed: Testbed, candidate: Candidate) -> tuple[pd.DataFrame, list[pd.DataFrame]]:
-    """Scores of one model, and paths of the shown seed; the sines are the same for all goals and run once."""
+    """Scores of one model, and paths of the shown seed; sines do not depend on the goals and run once."""
     sines = _follow_sines(testbed, candidate.model)
     runs = [("sine", seed, *sines) for seed in candidate.seeds]
     runs += [("reach", seed, *_reach(testbed, candidate.model, seed)) for seed in candidate.seeds]
@@ -136,7 +135,7 @@ def _track_one(testbed: Testbed, candidate: Candidate) -> tuple[pd.DataFrame, li
 
 
 def _follow_sines(testbed: Testbed, model: InverseDynamics) -> tuple[Run, ReferencePath, tuple[float, float]]:
-    """The run, the joints' path, and the errors of q and qd."""
+    """Run, joint path, and errors of q and qd."""
     reference = sine_path(testbed.arm.robot.tree, testbed.motion)
     q, qd = reference.position, reference.velocity
     moved = run(testbed.arm, sine_controller(model, reference, testbed.feedback), q[0], qd[0])
@@ -150,7 +149,7 @@ def _follow_sines(testbed: Testbed, model: InverseDynamics) -> tuple[Run, Refere
 def _reach(
     testbed: Testbed, model: InverseDynamics, seed: int
 ) -> tuple[Run, ReferencePath, tuple[float, float]]:
-    """The run, the tool's path, and the errors of x and xd."""
+    """Run, tool path, and errors of x and xd."""
     tree, parameters = testbed.arm.robot.tree, testbed.reaching
     reference = reaches(tree, parameters, testbed.motion.rate_hz, seed)
     posture = first_posture(tree, parameters)
@@ -165,14 +164,14 @@ def _reach(
 
 
 def _squared_error(moved: Run, found: np.ndarray, wanted: np.ndarray) -> np.ndarray:
-    """Mean squared error per column; NaN where the run was stopped."""
+    """Mean squared error per column; NaN if the run was stopped."""
     if moved.stopped:
         return np.full(wanted.shape[1], np.nan)
     return np.mean((found - wanted) ** 2, axis=0)
 
 
 def _path(testbed: Testbed, keys: dict[str, str], moved: Run, reference: ReferencePath) -> pd.DataFrame:
-    """Thinned path of a run beside its reference, which is the joints' where the sines are followed."""
+    """Thinned path of a run with its reference (that of the joints for sines)."""
     tree, rate_hz, tool_m = testbed.arm.robot.tree, testbed.motion.rate_hz, testbed.reaching.tool_m
     every = max(1, round(rate_hz / SHOWN_RATE_HZ))
     q, qd = moved.q[::every], moved.qd[::every]
@@ -189,15 +188,15 @@ def _path(testbed: Testbed, keys: dict[str, str], moved: Run, reference: Referen
 
 @dataclass(frozen=True)
 class TrackedReach:
-    """The reaches of a model's shown seed."""
+    """A model's reaches with the shown seed."""
 
     model: str  # its key
     time: np.ndarray  # (T,) s
     joints: np.ndarray  # (T, n) rad
     tool: np.ndarray  # (T, 3) m, base frame
-    wanted: np.ndarray  # (T, 3) m, where the tool should be
-    velocity_nmse: float  # of the tool; NaN where it was stopped
-    stopped: str  # why it was stopped; empty where it ran through
+    wanted: np.ndarray  # (T, 3) m, target position of the tool
+    velocity_nmse: float  # of the tool; NaN if the run was stopped
+    stopped: str  # reason for stopping, or empty
 
     @property
     def label(self) -> str:
@@ -206,12 +205,12 @@ class TrackedReach:
 
     @property
     def off_mm(self) -> np.ndarray:
-        """(T,) distance of the tool from where it should be."""
+        """(T,) distance of the tool from its target."""
         return 1e3 * np.linalg.norm(self.tool - self.wanted, axis=1)
 
     @property
     def speeds(self) -> tuple[np.ndarray, np.ndarray]:
-        """(T,) m/s of the tool, and as it should be; 0 at the start."""
+        """(T,) m/s speeds of the tool and of its target; 0 at the start."""
         tool, wanted = (
             np.linalg.norm(np.diff(points, axis=0), axis=1) / np.diff(self.time)
             for points in (self.tool, self.wanted)
@@ -227,9 +226,9 @@ def tracked_reaches(
     models: Sequence[str],
     joints: Sequence[str] = (),
 ) -> list[TrackedReach]:
-    """The reaches of each model's shown seed; models that did not track with this robot are left out.
+    """Reaches of each model with the shown seed; models that did not track with this robot are left out.
 
-    Paths and scores are those of `track`; `joints` are columns of the paths.
+    `paths`, `scores`: from `track`; `joints`: columns of the paths.
     """
     found = []
     for model in models:

@@ -1,9 +1,9 @@
 """Trainings of chapter III on motions of arms: every kind of model in two forms, by seed or robot.
 
-The published form is what the dissertation describes: the raw loss of eq. III.2, and Adam as public code has
-it, since no optimiser is named. Our form normalises the loss by each joint's torque, and has one optimiser
-for all kinds, with which networks did best on a motion that is not scored. Models also learn online, once
-through the motion without shuffling (III.4.1.2).
+The published form follows the dissertation: the raw loss of eq. III.2, and Adam as in the group's public
+code, since no optimiser is named. Our form normalises the loss by each joint's torque variance, and uses for
+all kinds the optimiser with which networks did best on a motion that is not scored. Models also learn online,
+in one pass through the motion without shuffling (III.4.1.2).
 """
 
 from collections.abc import Mapping, Sequence
@@ -42,26 +42,26 @@ from structlearn.rigid_body.payload import PayloadLearningParameters
 from structlearn.rigid_body.tree import KinematicTree
 
 ROBOT_FRICTIONS = {"mlp": ("none",), "mlp_scaled": ("none",), "delan": ("viscous",)}
-"""By kind, on robots' logs; perceptrons see the velocities and need no friction beside them."""
+"""Friction by kind on robots' logs; perceptrons see the velocities and need no separate friction."""
 
-STRUCTURE_FRICTIONS = ("viscous", "coulomb")  # of all structures, on robots' logs
+STRUCTURE_FRICTIONS = ("viscous", "coulomb")  # for all structures, on robots' logs
 
 Form = Literal["text", "ours"]
 TEXT, OURS = get_args(Form)
 LOSSES: Mapping[Form, Loss] = {TEXT: "raw", OURS: "normalised"}
 
 STACKED: tuple[NetworkKind, ...] = ("mlp", "delan")
-"""Kinds that learn robots' logs as one stack: alone, small networks spend their time between the steps."""
+"""Kinds trained on robots' logs as one stack; for single small networks, overhead would dominate."""
 
 BEYOND_THE_TEXT = ("mlp_scaled",)  # kinds without a published form
 
-DIVERGED = 1e6  # NMSE above which one model is as bad as another
+DIVERGED = 1e6  # NMSE above which differences are meaningless
 
 Seeds = Annotated[tuple[NonNegativeInt, ...], Field(min_length=1)]
 
 
 class EpochLimits(Parameters):
-    """Largest number of epochs, of all kinds and forms."""
+    """Largest number of epochs, for all kinds and forms."""
 
     simulation: int = Field(ge=1)
     robot: int = Field(ge=1)
@@ -81,7 +81,7 @@ class DynamicsTrainingParameters(Parameters):
     smoothing_hz: float = Field(gt=0)
 
     def of(self, form: Form) -> LearningParameters:
-        """How models learn in a form."""
+        """Learning parameters of a form."""
         if form == TEXT:
             return self.learning
         return self.learning.model_copy(update={"networks": self.ours, "structures": self.ours})
@@ -99,13 +99,13 @@ class OnlineParameters(Parameters):
 
 @dataclass(frozen=True)
 class Training:
-    """One training of the models of a kind."""
+    """Training of the models of one kind."""
 
-    motion: str  # name of the motion: that of the arm, or of the robot below it (`stand_in/11`)
+    motion: str  # name of the motion: an arm's, or a robot's below it (`stand_in/11`)
     kind: Kind
     friction: str  # a key of `FRICTIONS`
     form: Form
-    seeds: tuple[int, ...]  # one per model; the model of a robot has the robot's
+    seeds: tuple[int, ...]  # one per model; for a robot's log, the robot's
 
     @property
     def arm(self) -> str:
@@ -114,7 +114,7 @@ class Training:
 
     @property
     def model(self) -> str:
-        """Name of the model: its kind, with a suffix where it learns Coulomb friction."""
+        """Name of the model: its kind, with a suffix if it learns Coulomb friction."""
         return self.kind + (COULOMB if self.friction == "coulomb" else "")
 
     @property
@@ -149,11 +149,11 @@ def train(
         Models by `Training.file`. Errors: `arm`, `model` (`cov`, `cov_coulomb`), `form`, `seed`, `epoch`,
         `joint` (from 1), `nmse`. Outcomes: the same keys up to `seed` with `epochs` to the threshold on every
         joint and `epochs_but_last` on every joint but the last (NaN: not reached), `nmse_mean` and `nmse_max`
-        over the joints of the model that was kept, and `met`, whether it may be tracked with: it met the
-        published criterion, in simulation the threshold on every joint, on a robot's log on average
-        (III.4.2.1), which is required of networks alone.
+        over the joints of the kept model, and `met`, whether it may be used for tracking: networks must meet
+        the published criterion, the threshold on every joint in simulation, on average on a robot's log
+        (III.4.2.1).
     """
-    # trainings that share a process: structures share a regressor, networks of robots are one stack
+    # trainings in one process: structures share a regressor, networks of robots are one stack
     groups: dict[tuple, list[Training]] = {}
     for training in work:
         own = training.kind == "nostr" if training.kind in STRUCTURES else (training.kind, training.form)
@@ -183,10 +183,10 @@ def train(
 
 
 def scores(outcomes: pd.DataFrame, limit: int) -> Metrics:
-    """Scores by which our optimiser is chosen, in simulation: flat, by kind.
+    """Scores for choosing our optimiser, in simulation: flat, by kind.
 
-    `epochs_...` is the mean over seeds to the criterion, `limit` where it was not met; `worst_...` the
-    geometric mean of the worst joint's NMSE of the models that were kept.
+    `epochs_...` is the mean over seeds to the criterion (`limit` if not met); `worst_...` the geometric mean
+    of the worst joint's NMSE of the kept models.
     """
     its = outcomes[(outcomes["arm"] == IDEAL) & (outcomes["form"] == OURS)]
     epochs = its["epochs"].fillna(limit).groupby(its["model"]).mean()
@@ -201,13 +201,13 @@ def scores(outcomes: pd.DataFrame, limit: int) -> Metrics:
 def learn_once_through(
     tree: KinematicTree, motion: Motion, parameters: OnlineParameters, learning: LearningParameters
 ) -> pd.DataFrame:
-    """Errors on the whole motion while models go through it once, without shuffling (figure III.2).
+    """Errors on the whole motion during one pass of online learning, without shuffling (figure III.2).
 
     Returns:
         `model`, `loss`, `seed`, `batch` (0: before the first), `joint`, `nmse`.
     """
     kinds: dict[str, list[Kind]] = {}
-    for kind in sorted(parameters.models, key=lambda kind: kind != "delan"):  # it takes longest
+    for kind in sorted(parameters.models, key=lambda kind: kind != "delan"):  # the slowest first
         kinds.setdefault("symmetric" if kind in STRUCTURES and kind != "nostr" else kind, []).append(kind)
     run = partial(_once_through, lesson=Lesson(tree, motion), parameters=parameters, learning=learning)
     return pd.concat(parallel_map(run, kinds.values(), "online learning"), ignore_index=True)

@@ -3,9 +3,9 @@
     tau = f_ID(q_r, qd_r, qdd_r) + K (q_r - q) + D (qd_r - qd)
 
 The better the model, the smaller the feedback. Its gains belong to the robot and are the same for all models:
-scaled by the model's inertia, light wrist joints would have next to none, and friction would hold them. The
-model is evaluated at the reference: viscous friction that was fitted to Coulomb friction is too large for a
-fast joint, and at the measured velocity it destabilises a light wrist within seconds.
+if scaled by the model's inertia, they would nearly vanish for light wrist joints, which friction would hold.
+The model is evaluated at the reference, because viscous friction fitted to Coulomb friction is too large at
+high speed, and at the measured velocity it destabilises a light wrist within seconds.
 """
 
 from typing import Literal
@@ -42,7 +42,7 @@ class SineMotion(Parameters):
 
 
 class SineParameters(SineMotion):
-    """A motion, and how it is tracked."""
+    """A sine motion, and how it is tracked."""
 
     rate_hz: float = Field(ge=100, le=2000)
     feedback: FeedbackParameters
@@ -53,7 +53,7 @@ class SineParameters(SineMotion):
 
 
 class ArmMotionParameters(Parameters):
-    """The motion on which optimisers are chosen, and the one that is scored."""
+    """The motion for choosing optimisers, and the one that is scored."""
 
     use: Literal["tuning", "test"]
     tuning: SineMotion
@@ -72,19 +72,19 @@ class ArmMotionParameters(Parameters):
 
     @property
     def used(self) -> SineParameters:
-        """The motion that `use` names."""
+        """The motion selected by `use`."""
         motion = getattr(self, self.use)
         return SineParameters(**motion.model_dump(), rate_hz=self.rate_hz, feedback=self.feedback)
 
 
 def joint_range(tree: KinematicTree) -> tuple[np.ndarray, np.ndarray]:
-    """Middle and half of each joint's range (n,)."""
+    """Middle and half width of each joint's range (n,)."""
     lower, upper = tree.ranges
     return 0.5 * (lower + upper), 0.5 * (upper - lower)
 
 
 def joint_feedback(tree: KinematicTree, inertias: LinkInertias, parameters: FeedbackParameters) -> Feedback:
-    """Gains of an arm with the inertias of its URDF; InputError for too few stiffnesses."""
+    """Feedback gains of an arm with the URDF's inertias. Raises InputError: too few stiffnesses."""
     stiffness = of_joints("stiffness_n_m_rad", parameters.stiffness_n_m_rad, tree)
     middle, zero = joint_range(tree)[0], np.zeros(len(stiffness))
     torques = inverse_dynamics(tree, inertias)
@@ -94,7 +94,7 @@ def joint_feedback(tree: KinematicTree, inertias: LinkInertias, parameters: Feed
 
 
 def of_joints(key: str, values: tuple[float, ...], tree: KinematicTree) -> np.ndarray:
-    """Values (n,) of an arm's joints from a parameter; InputError for too few."""
+    """Values (n,) for an arm's joints from a parameter. Raises InputError: too few."""
     count = len(tree.names)
     if len(values) < count:
         raise InputError(f"{key}: has {len(values)} values, the arm has {count} joints")
@@ -102,7 +102,7 @@ def of_joints(key: str, values: tuple[float, ...], tree: KinematicTree) -> np.nd
 
 
 def sine_path(tree: KinematicTree, parameters: SineParameters) -> ReferencePath:
-    """Sines in all joints at once; InputError for too few periods or amplitudes, or above a speed limit."""
+    """Sines in all joints at once. Raises InputError: too few periods or amplitudes, or too fast."""
     middle, half = joint_range(tree)
     amplitude = of_joints("amplitudes", parameters.amplitudes, tree) * half
     frequency = 2.0 * np.pi / of_joints("periods_s", parameters.periods_s, tree)
@@ -120,7 +120,7 @@ def sine_path(tree: KinematicTree, parameters: SineParameters) -> ReferencePath:
 
 
 def sine_controller(model: InverseDynamics, reference: ReferencePath, feedback: Feedback) -> Controller:
-    """The law in the module's header."""
+    """Controller with the law in the module's header."""
     nothing = VelocityControl(np.zeros(3), np.zeros(len(feedback.damping)), 0.0, 0.0)
     return Controller(model, reference, feedback, of_tool=False, tool=nothing)
 
@@ -138,7 +138,7 @@ class ReachingParameters(Parameters):
 
 
 def first_posture(tree: KinematicTree, parameters: ReachingParameters) -> np.ndarray:
-    """Joint positions (n,) in rad at which the reaches begin."""
+    """Joint positions (n,) in rad at the start of the reaches."""
     middle, half = joint_range(tree)
     shares = np.zeros(len(middle))
     given = parameters.posture[: len(middle)]
@@ -147,7 +147,7 @@ def first_posture(tree: KinematicTree, parameters: ReachingParameters) -> np.nda
 
 
 def reaches(tree: KinematicTree, parameters: ReachingParameters, rate_hz: float, seed: int) -> ReferencePath:
-    """Reaches to random goals, one after the other; the same seed gives the same goals."""
+    """Consecutive reaches to random goals, determined by the seed."""
     rng = np.random.default_rng(seed)
     posture = first_posture(tree, parameters)[None]
     start = tool_motion(tree, parameters.tool_m, posture, np.zeros_like(posture))[0][0]
@@ -174,7 +174,7 @@ def reaching_controller(
 ) -> Controller:
     """Velocity-based operational-space control along the reference with a model of the arm.
 
-    Of the joints' feedback only the damping is used.
+    Only the damping of the joint feedback is used.
     """
     gains, tool = parameters.control, np.array(parameters.tool_m)
     control = VelocityControl(tool, first_posture(tree, parameters), gains.tool_1_s, gains.posture_1_s)

@@ -1,6 +1,6 @@
-"""Simulation of an arm with a model in its controller, in one compiled loop.
+"""Compiled simulation of an arm with a model in its controller.
 
-For comparison, PyBullet can move the arm between the same compiled ticks of the controller.
+For comparison, PyBullet can simulate the arm between the same compiled controller ticks.
 """
 
 from dataclasses import dataclass
@@ -16,7 +16,7 @@ from structlearn.simulation.arm import Mechanics, Payload, carrying
 from structlearn.simulation.compiled_arm import step
 from structlearn.testbeds.dynamics.world.operational_space import VelocityControl, joint_reference
 
-OVERSPEED = 1.5  # multiple of its speed limit at which a joint counts as run away; overshoot stays below
+OVERSPEED = 1.5  # multiple of a joint's speed limit that counts as runaway; overshoot stays below
 
 _FAULTS = ("", "speed limit", "joint limit", "not finite")
 
@@ -32,12 +32,12 @@ class ReferencePath(NamedTuple):
 class Feedback(NamedTuple):
     """Gains of a robot's joints."""
 
-    stiffness: np.ndarray  # (n,) N m/rad, of the joints along their own path
+    stiffness: np.ndarray  # (n,) N m/rad, for joint paths
     damping: np.ndarray  # (n,) N m s/rad
 
 
 class Controller(NamedTuple):
-    """Arguments of a control tick; made by `arm_motion.sine_controller` or `reaching_controller`."""
+    """Arguments of a control tick, from `arm_motion.sine_controller` or `reaching_controller`."""
 
     model: InverseDynamics
     path: ReferencePath
@@ -50,21 +50,21 @@ class Controller(NamedTuple):
 class SimulatedArm:
     """An arm and its simulation."""
 
-    robot: Robot  # its URDF, which has the limits
-    mechanics: Mechanics  # the true bodies and drives
+    robot: Robot  # from its URDF, with the limits
+    mechanics: Mechanics  # true links and drives
     dt: float  # s per control tick and physics step
-    payload: Payload | None = None  # that it picks up
-    take_at: int | None = None  # tick at which it does; None: never
+    payload: Payload | None = None  # payload that it picks up
+    take_at: int | None = None  # tick of the pick-up; None: never
 
 
 @dataclass(frozen=True)
 class Run:
-    """Motion of a controlled arm; shorter than its reference where it was stopped."""
+    """Motion of a controlled arm; shorter than its reference if it was stopped."""
 
     q: np.ndarray  # (T, n) rad
     qd: np.ndarray  # (T, n) rad/s
-    torques: np.ndarray  # (T, n) N m, of the drives during the step that follows, friction not taken off
-    stopped: str | None  # why it was stopped; None where it ran through
+    torques: np.ndarray  # (T, n) N m, of the drives during the following step, before friction
+    stopped: str | None  # reason for stopping, or None
 
 
 def run(
@@ -72,9 +72,9 @@ def run(
 ) -> Run:
     """Run a controller from a state (n,) along its path, until it ends or must be stopped.
 
-    A run is stopped as by a robot's safety controller: a joint is faster than `OVERSPEED` times its limit or
-    beyond its range, or the model's torques are not finite. Torques are limited to those of the drives, and
-    delayed by a latency, during which the first command already holds.
+    A run is stopped, as by a robot's safety controller, if a joint is faster than `OVERSPEED` times its limit
+    or out of its range, or if the model's torques are not finite. Torques are limited to those of the drives
+    and delayed by a latency, during which the first command already acts.
     """
     ticks, count = len(controller.path.position), len(q)
     log = _Log(*(np.zeros((ticks + extra, count)) for extra in (1, 1, 0, 0)))
@@ -103,7 +103,7 @@ class _Drives(NamedTuple):
 
 
 class _Log(NamedTuple):
-    """States (T + 1, n) before every tick and after the last, commands and torques of the drives (T, n)."""
+    """States (T + 1, n) before every tick and after the last; commands and drive torques (T, n)."""
 
     q: np.ndarray
     qd: np.ndarray
@@ -112,7 +112,7 @@ class _Log(NamedTuple):
 
 
 def _in_loop(arm: SimulatedArm, controller: Controller, drives: _Drives, log: _Log) -> tuple[int, int]:
-    """Ticks that were run, and the place in `_FAULTS` of what stopped it."""
+    """Number of ticks run, and the index in `_FAULTS` of the fault that stopped them."""
     tree, inertias = arm.robot.tree, arm.mechanics.inertias
     free = body(tree, inertias)
     loaded = free if arm.payload is None else body(tree, carrying(inertias, arm.payload))
@@ -148,7 +148,7 @@ def _loop(
 
 def _in_pybullet(arm: SimulatedArm, controller: Controller, drives: _Drives, log: _Log) -> tuple[int, int]:
     """As `_in_loop`."""
-    from structlearn.simulation.bullet_arm import BulletArm  # only here: reports and views need no PyBullet
+    from structlearn.simulation.bullet_arm import BulletArm  # reports and views need no PyBullet
 
     tree, own = arm.robot.tree, arm.mechanics
     kinematics, work = body(tree, own.inertias), workspace(len(tree.names))
@@ -171,7 +171,7 @@ def _tick(
 ) -> tuple[int, np.ndarray]:
     """Check the state, compute the command and log it; return the fault, and the torques on the joints.
 
-    They are without Coulomb friction; of the arm's body only the kinematics matter.
+    The torques exclude Coulomb friction; only the kinematics of the body are used.
     """
     q, qd, torques = log.q[k], log.qd[k], np.empty(len(drives.limit))
     for i in range(len(q)):
@@ -196,7 +196,7 @@ def _tick(
 def _command(
     controller: Controller, own: Body, work: Workspace, k: int, q: np.ndarray, qd: np.ndarray
 ) -> np.ndarray:
-    """The laws in the headers of `arm_motion` and `operational_space`."""
+    """The control laws in the headers of `arm_motion` and `operational_space`."""
     path, feedback = controller.path, controller.feedback
     wanted, rate, change = path.position[k], path.velocity[k], path.acceleration[k]
     if controller.of_tool:

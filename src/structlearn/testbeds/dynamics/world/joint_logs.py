@@ -1,15 +1,15 @@
-"""Joint logs of simulated arms: one as in its URDF, and stand-ins for the dissertation's real robot.
+"""Joint logs of simulated arms: one equal to its URDF, and stand-ins for the dissertation's real robot.
 
 A stand-in has effects that the models of III.4.2 do not know: its links differ from the URDF, its joints have
-friction, its drives have ripple, its torque sensors are noisy, and torques act a tick after they are
-commanded. Effects of a drive scale with its rated torque, because larger gears have more friction and ripple.
-No number is chosen to fit an outcome:
+friction, its drives have ripple, its torque sensors are noisy, and torques act one tick after the command.
+Effects of a drive scale with its rated torque, because larger gears have more friction and ripple. No number
+is chosen to fit an outcome:
 
 * Coulomb friction 0.5 % of the rated torque, viscous friction 0.3 % per rad/s: the recorded Franka Emika
   Panda has Coulomb friction of 0.2 to 0.6 % in the large joints and 1.4 to 2 % in the small ones, and viscous
   friction of 0.04 to 0.8 % (least squares of the recorded Panda; its drives are rated 87 and 12 N m).
-* Ripple 0.1 %, noise 0.05 % (std), masses off by 15 % (std of the log), centres of mass by 1.5 cm (std per
-  axis), one tick of latency: assumptions without a source.
+* Ripple 0.1 %, noise 0.05 % (std), mass errors of 15 % (std of the log), centres of mass off by 1.5 cm (std
+  per axis), one tick of latency: assumptions without a source.
 """
 
 from dataclasses import replace
@@ -35,7 +35,7 @@ from structlearn.testbeds.dynamics.world.controlled_arm import SimulatedArm, run
 
 
 class StandInParameters(Parameters):
-    """The stand-in; reasons are in the module's header."""
+    """Parameters of the stand-in; reasons are in the module's header."""
 
     log_s: float = Field(gt=0)
     latency_ticks: int = Field(ge=0, le=20)
@@ -59,7 +59,7 @@ class PayloadParameters(Parameters):
 
 
 class RecordMotionParameters(Parameters):
-    """Parameters of the recordings beside the sines."""
+    """Parameters of the recordings besides the sines."""
 
     payload: PayloadParameters
 
@@ -67,9 +67,9 @@ class RecordMotionParameters(Parameters):
 def stand_in(
     tree: KinematicTree, default: LinkInertias, parameters: StandInParameters, seed: int
 ) -> Mechanics:
-    """One of the stand-ins of an arm, by the seed of its links' true inertias.
+    """A stand-in for an arm, by the seed of its links' true inertias.
 
-    A link that weighs more than in the URDF is denser: its inertia grows with its mass, and stays physically
+    A link heavier than in the URDF is denser: its inertia grows with its mass and stays physically
     consistent. Raises InputError: too few rated torques.
     """
     rated = of_joints("rated_n_m", parameters.rated_n_m, tree)
@@ -90,7 +90,7 @@ def stand_in(
 
 
 def ideal_log(robot: Robot, motion: SineParameters) -> JointLog:
-    """Sines of the arm as its URDF has it, tracked with that very model (III.4.1)."""
+    """Sines of the arm as in its URDF, tracked with that same model (III.4.1)."""
     arm = SimulatedArm(robot, ideal(robot.inertias), 1.0 / motion.rate_hz)
     return _sine_log("sine", arm, motion, {"arm": "as in its URDF"})
 
@@ -105,7 +105,7 @@ def stand_in_log(
 ) -> JointLog:
     """Sines of a stand-in, tracked with the URDF's model, with noise on the torques (III.4.2).
 
-    The controller does not know of a payload that is picked up on the way.
+    The controller does not know about a payload that is picked up.
     """
     motion = motion.cut(parameters.log_s)
     arm = SimulatedArm(robot, stand_in(robot.tree, robot.inertias, parameters, seed), 1.0 / motion.rate_hz)

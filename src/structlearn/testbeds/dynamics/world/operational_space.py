@@ -1,14 +1,14 @@
 """Velocity-based operational-space control of an arm's tool point (dissertation III.4.1.1, ref. 60).
 
 Nakanishi et al. (2008), the variant without integration of joint velocities: a reference velocity of the tool
-becomes one of the joints, its derivative an acceleration, and inverse dynamics a torque.
+gives one of the joints, its derivative an acceleration, and inverse dynamics a torque.
 
     xd_r = xd_d + K_x (x_d - x)                qd_r = J+ xd_r + (1 - J+ J) K_n (q_0 - q)
     qdd_r = J+ (xdd_d + K_x (xd_d - xd) - Jd qd) - (1 - J+ J) K_n qd
     tau = f_ID(q, qd, qdd_r) + D (qd_r - qd)
 
-D is the robot's joint damping, the same for all models. The scraping robot's controller, which works on
-forces, is `simulation.operational_space`.
+D is the robot's joint damping, the same for all models. The scraping robot has a force-based controller,
+`simulation.operational_space`.
 """
 
 from collections.abc import Sequence
@@ -30,7 +30,7 @@ from structlearn.rigid_body.compiled_chain import (
 )
 from structlearn.rigid_body.tree import KinematicTree, LinkInertias
 
-DAMPING = 1e-6  # m^2; keeps the pseudo-inverse of the Jacobian finite where the arm is stretched out
+DAMPING = 1e-6  # m^2; keeps the Jacobian's pseudo-inverse finite when the arm is stretched out
 
 
 class VelocityControlParameters(Parameters):
@@ -62,13 +62,13 @@ def joint_reference(
 ) -> tuple[np.ndarray, np.ndarray]:
     """Joint velocity qd_r (n,) in rad/s and acceleration qdd_r (n,) in rad/s^2 of the law in the header.
 
-    Of the body only the kinematics matter; the workspace is of `compiled_chain.dynamics` at q and qd (n,).
-    The tool's references are (3,) in m, m/s and m/s^2 in the base frame.
+    Only the kinematics of the body are used; the workspace must hold `compiled_chain.dynamics` at q and qd
+    (n,). The tool's references are (3,) in m, m/s and m/s^2 in the base frame.
     """
     count, position = len(q), _point(work, control.tool_m)
     jacobian = _jacobian(body, work, position)
     velocity, gram = np.zeros(3), np.zeros((3, 3))  # J qd;  J J^T + damping
-    # of the tool, beside what the null space gives; then (J J^T)^-1 of it
+    # tool velocity beyond the null-space part; then (J J^T)^-1 times it
     speed, push = np.empty(3), np.empty(3)
     for row in range(3):
         gram[row, row] = DAMPING
@@ -131,7 +131,7 @@ def _tool_motion(
 
 @compiled_inside
 def _point(work: Workspace, tool_m: np.ndarray) -> np.ndarray:
-    """A point (3,) of the last link, base frame."""
+    """Base-frame position of a point (3,) of the last link."""
     point = work.place[-1].copy()
     for row in range(3):
         for k in range(3):
@@ -156,7 +156,7 @@ def _jacobian(body: Body, work: Workspace, point: np.ndarray) -> np.ndarray:
 @compiled_inside
 def _bias(body: Body, work: Workspace, point: np.ndarray, velocity: np.ndarray) -> np.ndarray:
     """Jd qd (3,): acceleration of a point of the last link at qdd = 0."""
-    push = work.push[-1]  # of the twist, with gravity as an upward acceleration
+    push = work.push[-1]  # acceleration twist; gravity counts as upward acceleration
     pull, inward = cross(push, point), cross(work.twist[-1], velocity)
     bias = np.empty(3)
     for k in range(3):

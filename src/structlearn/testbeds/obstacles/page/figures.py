@@ -1,4 +1,4 @@
-"""Figures of the obstacle testbed, each of panels: paths, figure IV.10, how near models come to obstacles.
+"""Figures of the obstacle testbed: paths, figure IV.10, closest distances to obstacles.
 
 Paths are seen from the side and from above, in the local frame of the reach, in mm.
 """
@@ -40,24 +40,24 @@ from structlearn.testbeds.obstacles.protocol.avoidance_protocols import MOVING, 
 from structlearn.testbeds.obstacles.protocol.unrolled_reaches import Reach, SituationKey, of_model
 from structlearn.testbeds.obstacles.world.scenarios import UNSEEN_RADIUS_M
 
-VIEWS = {"from the side": 2, "from above": 1}  # local axis that is shown over x, by the name of the view
+VIEWS = {"from the side": 2, "from above": 1}  # local axis shown over x, by the name of the view
 
 PARTS = {"train": ("learned from", LIGHT_BLUE), "test": ("held out", BLUE)}
-"""Name and colour of the demonstrations of an error."""
+"""Label and colour of the demonstrations in an error."""
 
-BINS = np.linspace(0.0, 1.2, 13)  # of NMSE; what is above the last edge is counted in the last bin
+BINS = np.linspace(0.0, 1.2, 13)  # of NMSE; the last bin includes everything above
 
 GRID = [protocol for protocol in SITUATIONS if protocol != TRAINED]
-FARTHEST = 4.0  # radii; what keeps farther off is drawn there
-MOMENTS = 5  # places at which a moving obstacle is drawn
+FARTHEST = 4.0  # radii; larger distances are drawn there
+MOMENTS = 5  # positions at which a moving obstacle is drawn
 
 BALL = UNSEEN_RADIUS_M / HALF_SIZE_M["sphere"][0] * obstacle("sphere", np.zeros(3)).cloud(100)
-"""An unseen sphere about its centre, (P, 3) m."""
+"""An unseen sphere relative to its centre, (P, 3) m."""
 
-LANE_M = 0.42  # between neighbouring reaches of the still
+LANE_M = 0.42  # distance of neighbouring reaches in the still
 HAND_M, BEAD_M = 0.022, 0.006  # radii of the hand and of the beads of a path
-SPACING_M = 0.018  # about how far apart beads are
-SHOWN_ROWS = slice(90, 530)  # of the still: above and below is nothing but table
+SPACING_M = 0.018  # approximate distance of beads
+SHOWN_ROWS = slice(90, 530)  # of the still; only the table is above and below
 
 OBSTACLE_RGBA, HAND_RGBA = (0.84, 0.37, 0.0, 1.0), (0.30, 0.33, 0.36, 1.0)
 DEMONSTRATED_RGBA, BARE_RGBA = (0.44, 0.47, 0.50, 1.0), (0.11, 0.12, 0.14, 1.0)
@@ -78,7 +78,7 @@ class Curve(NamedTuple):
 
 
 class Outline(NamedTuple):
-    """The silhouette of a cloud (P, 3) in m, local frame."""
+    """Silhouette of a cloud (P, 3) in m, local frame."""
 
     cloud: np.ndarray
     colour: str
@@ -112,7 +112,7 @@ def figures(results: ObstacleResults, largest_nmse: float) -> dict[str, Drawing 
 
 
 def simulated_scene(results: ObstacleResults, setting: int) -> np.ndarray:
-    """A still (H, W, 3) of reaches past each shape, demonstrated and without avoidance, set side by side."""
+    """A still (H, W, 3) of reaches around each shape, demonstrated and without avoidance, side by side."""
     shown = [scenario for scenario in results.scenarios if scenario.setting == setting]
     along, across, _ = baseline_axes(results.baseline).T
     middle = 0.5 * (results.baseline.start + results.baseline.goal)
@@ -132,7 +132,7 @@ def simulated_scene(results: ObstacleResults, setting: int) -> np.ndarray:
 
 
 def _beads(path: np.ndarray) -> np.ndarray:
-    """Points (N, 3) of a path (T, 3) at equal distances."""
+    """Equidistant points (N, 3) of a path (T, 3)."""
     length = np.concatenate([[0.0], np.cumsum(np.linalg.norm(np.diff(path, axis=0), axis=1))])
     places = np.linspace(0.0, length[-1], max(2, round(length[-1] / SPACING_M)))
     return np.stack([np.interp(places, length, values) for values in path.T], axis=1)
@@ -154,7 +154,7 @@ def _solid(obstacle: Obstacle, shift: np.ndarray) -> Solid:
 def worst(results: ObstacleResults, protocol: str) -> tuple[int, float]:
     """Number and speed of the fastest situation in which the reach without avoidance comes closest.
 
-    Of those whose obstacles all lie between start and goal.
+    Among situations whose obstacles are all between start and goal.
     """
     situation = results.situations[protocol]
     length = np.linalg.norm(results.baseline.goal - results.baseline.start)
@@ -190,7 +190,7 @@ def _unseen_panel(results: ObstacleResults, source: str) -> Figure:
         for its, centre in sorted(zip(hit, centres.tolist(), strict=True))
     ]
     keys = [SituationKey(UNSEEN, "sphere", number) for number in range(1, len(hit) + 1)]
-    # every other sample is enough for small pictures
+    # every other sample suffices for small pictures
     paths = [to_local(_reach(results, key, ENSEMBLE, source).position[::2], results.baseline) for key in keys]
     curves = [Curve(path, SOURCES[source].colour, THIN) for path in paths]
     curves += _curves(results, _reach(results, keys[0]), BLACK, KINDS[NO_MODEL].name)
@@ -198,7 +198,7 @@ def _unseen_panel(results: ObstacleResults, source: str) -> Figure:
 
 
 def _beyond_panel(results: ObstacleResults, protocol: str) -> Figure:
-    """The ensemble of all shapes beside no avoidance, where that comes closest."""
+    """The ensemble of all shapes, and no avoidance, in the situation with the closest approach."""
     number, speed = worst(results, protocol)
     situation, duration = results.situations[protocol], results.baseline.duration
     place = int(np.flatnonzero((situation.numbers == number) & (situation.speed == speed))[0])
@@ -232,7 +232,7 @@ def _panel(height: float) -> tuple[Figure, Axes]:
 
 @styled
 def two_views(title: str, outlines: Iterable[Outline], curves: Sequence[Curve]) -> Figure:
-    """A panel with a view from the side above one from above."""
+    """A panel with a side view above a top view."""
     from scipy.spatial import ConvexHull
 
     figure = canvas(4.0, PANEL_WIDTH)
@@ -256,7 +256,7 @@ def two_views(title: str, outlines: Iterable[Outline], curves: Sequence[Curve]) 
 
 @styled
 def closest_panel(results: ObstacleResults, setting: int) -> Figure:
-    """Closest distance to the obstacle of one setting, by shape, of the person shown and of models."""
+    """Closest distance to the obstacle of one setting, by shape, for the shown person and models."""
     people = results.demonstration_scores.query(f"scenario == {setting}")
     people = people[people["person"] == results.population.shown]
     rows = [(DEMONSTRATIONS.name, DEMONSTRATIONS.colour, "o", people)]
@@ -270,7 +270,7 @@ def closest_panel(results: ObstacleResults, setting: int) -> Figure:
     ):
         scored = results.rows(TRAINED, kind, sources, person=results.population.shown)
         its = scored[scored["scenario"] == setting]
-        if len(its):  # there are models per setting of some settings only
+        if len(its):  # only some settings have models per setting
             rows.append((f"{KINDS[kind].name}{words}", KINDS[kind].colour, marker, its))
     figure, panel = _panel(3.3)
     for words, colour, marker, its in rows:
@@ -286,7 +286,7 @@ def closest_panel(results: ObstacleResults, setting: int) -> Figure:
 
 @styled
 def fit_panel(results: ObstacleResults, kind: str, column: str, largest_nmse: float) -> Figure:
-    """Figure IV.10: over how many scenarios a model that learned one scenario has which error."""
+    """Figure IV.10: histogram of the errors of models that learned one scenario."""
     figure, panel = _panel(2.2)
     for place, (part, (label, colour)) in enumerate(PARTS.items()):
         errors = results.setting_fits(column, part).get(kind, pd.Series(dtype=float))
@@ -303,7 +303,7 @@ def fit_panel(results: ObstacleResults, kind: str, column: str, largest_nmse: fl
 
 @styled
 def people_panel(results: ObstacleResults, kind: str, words: str, sources: Sequence[str]) -> Figure:
-    """Closest distance of the unroll over that of its person, a dot for each scenario of everybody."""
+    """Closest distance of the unroll over that of the person, one dot per scenario of all people."""
     keys = ["person", "obstacle", "scenario"]
     people = results.demonstrated.groupby(keys)["obstacle_distance"].mean()
     top = 1.05 * float(people.max())
@@ -316,7 +316,7 @@ def people_panel(results: ObstacleResults, kind: str, words: str, sources: Seque
         look: dict[str, Any] = {"markersize": 3, "markeredgewidth": 0, "alpha": 0.5}
         panel.plot(people.loc[its.index], its, marker, label=shape, color=KINDS[kind].colour, **look)
     panel.set(xlim=(-1, top), ylim=(-1, top))
-    # linear below two radii, where most of the points are
+    # linear below two radii, which include most points
     panel.set_xscale("symlog", linthresh=2.0, linscale=1.0)
     panel.set_yscale("symlog", linthresh=2.0, linscale=1.0)
     for axis in (panel.xaxis, panel.yaxis):
@@ -330,13 +330,13 @@ def people_panel(results: ObstacleResults, kind: str, words: str, sources: Seque
 
 @styled
 def hits_panel(results: ObstacleResults) -> Figure:
-    """How many unseen spheres everyone's models hit: a dot for each person, by form and source."""
+    """Number of unseen spheres hit by each person's models, by form and source."""
     figure, panel = _panel(2.8)
     sources = (*SHAPES, ALL)
     for place, (form, words) in enumerate(((TEXT, "as published"), (OURS, "ours"))):
         for row, source in enumerate(sources):
             hits, _ = results.hits_by_person(UNSEEN, form, source)
-            # person by person from top to bottom: dots of as many hits lie side by side
+            # people in order from top to bottom; equal numbers of hits are side by side
             height = row + 0.4 * place - 0.2 + np.linspace(-0.13, 0.13, len(hits))
             label = f"{KINDS[form[0]].name}, {words}" if row == 0 else None
             panel.plot(hits, height, "o", markersize=4, color=KINDS[form[0]].colour, label=label)
@@ -352,12 +352,12 @@ def hits_panel(results: ObstacleResults) -> Figure:
 
 @styled
 def distances_panel(results: ObstacleResults, protocol: str) -> Figure:
-    """Closest distance on the grid of spheres, a dot for each unroll, hits in orange and counted."""
+    """Closest distance on the grid of spheres, one dot per unroll; hits are orange and counted."""
     pairs = results.contenders
     figure, panel = _panel(1.0 + 0.26 * len(pairs))
     for row, (kind, source) in enumerate(pairs):
         scored = results.rows(protocol, kind, source)
-        # number by number from top to bottom: nothing is drawn at random
+        # in order from top to bottom, without random jitter
         height = row + np.linspace(-0.3, 0.3, len(scored))
         colours = np.where(scored["hit"], ORANGE, KINDS[kind].colour)
         distance = scored["obstacle_distance"].clip(upper=FARTHEST)

@@ -3,7 +3,7 @@
 The dissertation's statements are tested on its own form: single networks with its rules (`TEXT`). Ensembles
 with limits at the goal (`OURS`) are evidence for this project's claims. Rates are clustered by person, errors
 are means over people, differences are paired by person. The study `obstacles/people` adds people to those of
-this run: errors of their models, and sums and extremes over their reaches.
+this run: the errors of their models, and sums and extremes over their reaches.
 """
 
 from collections.abc import Iterable, Mapping, Sequence
@@ -49,57 +49,57 @@ from structlearn.testbeds.obstacles.world.scenarios import Scenario
 TEXT, OURS = (NETWORK, PUBLISHED), (ENSEMBLE, LIMITED)
 """Kind of model and rules: as published, and our variant."""
 
-PEOPLE_STUDY = "obstacles/people"  # further people, with whom verdicts are stated
+PEOPLE_STUDY = "obstacles/people"  # further people, included in the verdicts
 EVERY = (*SHAPES, ALL)
-FEW_HITS = 1  # of the unseen spheres, that a person's model may hit to be good
+FEW_HITS = 1  # largest number of unseen spheres that a good model hits
 PARTS = {"learned from": "train", "held out": "test"}
 MODEL = ["protocol", "rules", "model", "learned_from"]
-Sources = str | Iterable[str]  # what models learned from
+Sources = str | Iterable[str]  # training sets of models
 
 
 @lru_cache
 def read_published() -> Mapping[str, Any]:
-    """What the dissertation prints."""
+    """Values printed in the dissertation."""
     return read_values(Path(__file__).with_name("published.yaml"))
 
 
 @dataclass(frozen=True)
 class ObstacleResults:
-    """Outputs of the stages of the testbed, and selections of them."""
+    """Outputs of the testbed's stages, and selections of them."""
 
     scores: pd.DataFrame  # of every unroll, see `avoidance_protocols.evaluate`
-    paths: pd.DataFrame  # of the unrolls with limits at the goal of the person shown, see there
-    demonstration_scores: pd.DataFrame  # of everybody, see `avoidance_scores.demonstration_scores`
+    paths: pd.DataFrame  # of the shown person's unrolls with limits at the goal, see there
+    demonstration_scores: pd.DataFrame  # of all people, see `avoidance_scores.demonstration_scores`
     errors: pd.DataFrame  # of the models, see `avoidance_fits.learn`
-    baselines: Mapping[int, PositionPrimitive]  # unhindered reaches by person
+    baselines: Mapping[int, PositionPrimitive]  # free reaches by person
     scenarios: Sequence[Scenario]  # of the demonstrations, in order
     demonstrations: Mapping[
         str, Sequence[Demonstration]
     ]  # of the person shown in `example_setting`, by shape
-    population: Population  # whose models are judged, and who is shown
-    parameters: Mapping[str, Any]  # of the stages, by their keys in `params.yaml`
-    study: Study | None = None  # of further people; None where it was not run with these parameters
+    population: Population  # people whose models are judged, and the person shown
+    parameters: Mapping[str, Any]  # of the stages, by key in `params.yaml`
+    study: Study | None = None  # of further people; None if it was not run with these parameters
 
     @cached_property
     def people(self) -> list[int]:
-        """Seeds of those whose models are judged."""
+        """Seeds of the people whose models are judged."""
         return self.by_person["person"].unique().tolist()
 
     @cached_property
     def by_person(self) -> pd.DataFrame:
-        """`reaches_by_person` of everybody whose models are judged."""
+        """`reaches_by_person` of the people whose models are judged."""
         scores = self.scores[self.scores["person"].isin(self.population.test)]
         own = reaches_by_person(scores, read_published()["per_setting"][NETWORK]["goal_max"])
         return extended(own, self.study, "by_person", "person")
 
     @property
     def baseline(self) -> PositionPrimitive:
-        """The unhindered reach of the person shown."""
+        """Free reach of the shown person."""
         return self.baselines[self.population.shown]
 
     @cached_property
     def situations(self) -> dict[str, Situations]:
-        """Situations on the grid of spheres by protocol, of the person shown."""
+        """Situations on the grid of spheres by protocol, for the shown person."""
         tested = self.parameters["obstacle_evaluation"]
         cloud_count = self.parameters["obstacle_dataset"].cloud_count
         every = situations(self.scenarios, self.baseline, tested, cloud_count)
@@ -107,7 +107,7 @@ class ObstacleResults:
 
     @cached_property
     def demonstrated(self) -> pd.DataFrame:
-        """Scores of the demonstrations of those whose models are judged."""
+        """Scores of the demonstrations by people whose models are judged."""
         return self._of_people(self.demonstration_scores)
 
     def rows(
@@ -119,7 +119,7 @@ class ObstacleResults:
         obstacle: str | None = None,
         person: int | None = None,
     ) -> pd.DataFrame:
-        """Scores of one protocol and model, in their order, of people of this run."""
+        """Scores of one protocol and model, in order, for people of this run."""
         its = _of_model(self.scores, protocol, model, learned_from, rules)
         its = its[its["person"].isin(self.people if person is None else [person])]
         return its if obstacle is None else its[its["obstacle"] == obstacle]
@@ -131,31 +131,31 @@ class ObstacleResults:
         return _of_model(self.by_person, protocol, model, learned_from, rules)
 
     def hits(self, protocol: str, model: str = NO_MODEL, learned_from: Sources = "") -> int:
-        """Number of hits with limits at the goal, of all people together."""
+        """Total number of hits of all people with limits at the goal."""
         return int(self.reached(protocol, model, learned_from)["hits"].sum())
 
     def hits_by_person(
         self, protocol: str, form: tuple[str, str], learned_from: Sources
     ) -> tuple[np.ndarray, np.ndarray]:
-        """Hits (P,) and reaches (P,) of each person with a kind of model and its rules."""
+        """Hits (P,) and reaches (P,) per person with a kind of model and its rules."""
         kind, rules = form
         by = self.reached(protocol, kind, learned_from, rules).groupby("person", sort=False)
         return by["hits"].sum().to_numpy(int), by["reaches"].sum().to_numpy(int)
 
     @cached_property
     def fits(self) -> pd.DataFrame:
-        """`errors` of everybody with `nmse_across` and `nmse_worse`, mean and larger one of y and z."""
+        """`errors` of all people with `nmse_across` and `nmse_worse`, mean and maximum of y and z."""
         errors = extended(self.errors, self.study, "errors", "person")
         across = errors[["nmse_y", "nmse_z"]]
         return errors.assign(nmse_across=across.mean(axis=1), nmse_worse=across.max(axis=1))
 
     def fit(self, model: str, learned_from: str, obstacle: str, part: str = "test") -> pd.DataFrame:
-        """Rows of `fits` of a model that learned several scenarios, one per person, in their order."""
+        """Rows of `fits` of a model that learned several scenarios, one per person, in order."""
         keys = {"model": model, "learned_from": learned_from, "obstacle": obstacle, "part": part}
         return matching(self._of_people(self.fits), **keys)
 
     def fit_by_person(self, model: str, all_shapes: bool = False) -> np.ndarray:
-        """Held-out `nmse_across` (P,), mean over shapes, of models of a shape each or of one of all."""
+        """Held-out `nmse_across` (P,), mean over shapes, of models per shape or of one for all shapes."""
         rows = [self.fit(model, ALL if all_shapes else shape, shape)["nmse_across"] for shape in SHAPES]
         return np.mean(rows, axis=0)
 
@@ -167,13 +167,13 @@ class ObstacleResults:
 
     @cached_property
     def reaches(self) -> dict[SituationKey, list[Reach]]:
-        """Every unroll with limits at the goal of the person shown."""
+        """All unrolls of the shown person with limits at the goal."""
         own = self.scores[self.scores["person"] == self.population.shown]
         return reaches_by_situation(self.paths, own, self.baseline)
 
     @cached_property
     def contenders(self) -> list[tuple[str, str]]:
-        """Kinds of the models tested on the spheres of the grid, with what they learned from."""
+        """Kinds of models tested on the spheres of the grid, with their training sets."""
         pairs = [(kind, source) for kind in KINDS for source in ("", *EVERY)]
         return [pair for pair in pairs if len(self.rows(UNSEEN, *pair))]
 
@@ -203,7 +203,7 @@ def reaches_by_person(scores: pd.DataFrame, farthest_m: float) -> pd.DataFrame:
 
 
 def example_setting(scores: pd.DataFrame, person: int) -> int:
-    """Setting that a person's reach without avoidance comes closest to, averaged over shapes."""
+    """Setting that a person's reach without avoidance approaches most, averaged over shapes."""
     own = scores[(scores["protocol"] == TRAINED) & (scores["person"] == person)]
     bare = own[own["model"] == NO_MODEL]
     return int(bare.groupby("scenario")["obstacle_distance"].mean().idxmin())
@@ -212,9 +212,9 @@ def example_setting(scores: pd.DataFrame, person: int) -> int:
 def findings(results: ObstacleResults, published: Mapping[str, Any]) -> Findings:
     """All numbers of the page.
 
-    `hits_unseen_<source>_worst_person` is the largest number of unseen spheres that anyone's ensemble hits,
-    by what it learned from, and `..._share_of_people_within_1` the share of people whose ensemble hits at
-    most one; `..._single_...` are those of the published form. `hits_<protocol>_baseline` and
+    `hits_unseen_<source>_worst_person` is the largest number of unseen spheres hit by any person's ensemble,
+    by its training set, and `..._share_of_people_within_1` the share of people whose ensemble hits at most
+    one; `..._single_...` are those of the published form. `hits_<protocol>_baseline` and
     `hits_all_shapes_<protocol>` are sums over people, without avoidance and with the ensemble of all shapes.
     """
     find = Findings(f"{len(results.people)} simulated people on whom nothing was tuned")
@@ -267,7 +267,7 @@ def _fits(results: ObstacleResults, find: Findings, largest_nmse: float) -> None
 
 
 def _hits(results: ObstacleResults, find: Findings) -> None:
-    """Hits of obstacles, and how far hands go out of their way."""
+    """Hits of obstacles, and lengths of detours."""
     hits, sizes = results.hits_by_person(TRAINED, TEXT, SETTING)
     find.exact("reaches_hit_per_setting", hits.sum(), headline=True)
     find.exact("networks_per_setting", sizes.sum())
@@ -282,7 +282,7 @@ def _hits(results: ObstacleResults, find: Findings) -> None:
         count = results.reached(protocol)["reaches"].sum()
         find.exact(f"hits_{protocol}_baseline", results.hits(protocol), count, headline=protocol == UNSEEN)
         find.exact(f"hits_all_shapes_{protocol}", results.hits(protocol, ENSEMBLE, ALL), count)
-        ours = results.reached(protocol, ENSEMBLE, ALL)  # as many reaches of everybody
+        ours = results.reached(protocol, ENSEMBLE, ALL)  # equally many reaches per person
         name, detour = f"detour_{protocol}_all_mean_m", ours["detour_m"].mean()
         find.exact(name, detour, ours["reaches"].sum(), unit="m", headline=protocol == PAIR)
     within = {}
@@ -293,7 +293,7 @@ def _hits(results: ObstacleResults, find: Findings) -> None:
             stem, ours = f"hits_unseen_{source}{word}", form == OURS
             find.exact(f"{stem}_worst_person", by_person.max(), people, headline=ours)
             find.exact(f"{stem}_share_of_people_within_1", few / people, people, headline=ours)
-            if ours:  # of these people, so without interval
+            if ours:  # a count for these people, so without interval
                 within[source] = Evidence(few / people, few / people, few / people, people, few)
     find.add("people_within", within)
     single, several = (

@@ -1,4 +1,4 @@
-"""The page of the obstacle testbed: names for its template and claims, and its tables."""
+"""Page of the obstacle testbed: values for its template and claims, and its tables."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
@@ -42,7 +42,7 @@ from structlearn.testbeds.obstacles.world.scenarios import END_CLEARANCE_M
 PACKAGE = "structlearn.testbeds.obstacles.page"
 FOLDER = Path(__file__).parent
 
-STUDIES = ("members", "displaced")  # that the page quotes
+STUDIES = ("members", "displaced")  # studies quoted by the page
 
 WRITTEN_BY = {
     "recorded": Source(files.RUNS, "obstacles_demonstrate"),
@@ -79,7 +79,7 @@ def document(results: ObstacleResults, find: Findings) -> Document:
 
 
 def facts(results: ObstacleResults, published: Mapping[str, Any]) -> dict[str, Any]:
-    """Names for sentences beside the findings: parameters, counts of the scene, and words."""
+    """Values for sentences besides the findings: parameters, counts of the scene, and words."""
     spheres = results.situations[UNSEEN].obstacles[0]
     length = float(np.linalg.norm(results.baseline.goal - results.baseline.start))
     return {
@@ -106,7 +106,7 @@ def facts(results: ObstacleResults, published: Mapping[str, Any]) -> dict[str, A
 
 
 def worst_hits(study: str) -> str:
-    """Most unseen spheres that anyone hits by variant of a study, and its provenance, in words."""
+    """Largest number of unseen spheres hit by any person, by variant of a study, as text."""
     found = read_study(study)
     if found is None:
         return ""
@@ -119,7 +119,7 @@ def worst_hits(study: str) -> str:
 PRINTED, HERE = "dissertation", "here"
 
 FITS = {"nmse": "all three axes", "nmse_across": "y and z", "nmse_dominant": "dominant axis"}
-"""Columns of `ObstacleResults.fits` and over what they are averaged."""
+"""Columns of `ObstacleResults.fits`, and the axes that they average."""
 
 THREE_DIGITS = (
     *("nmse_train", "nmse_test", "nmse_x", "nmse_y", "nmse_z", "goal_max", "goal_mean", "late_goal_max"),
@@ -149,7 +149,7 @@ COMPARED = (
     *("obstacle", "model", "source", "nmse_train", "nmse_test", "goal_max", "goal_mean"),
     *("late_goal_max", "obstacle_min", "obstacle_mean", "hits", "of"),
 )
-"""Columns of the tables that stand beside the dissertation's, in their order."""
+"""Columns of the tables that are compared with the dissertation's, in order."""
 
 Row = dict[str, Any]
 
@@ -173,7 +173,7 @@ def tables(results: ObstacleResults, published: Mapping[str, Any]) -> dict[str, 
 
 
 def people(results: ObstacleResults) -> pd.DataFrame:
-    """Unseen spheres hit by person: without avoidance, by single networks as published, and by ensembles."""
+    """Unseen spheres hit per person: without avoidance, by published single networks, and by ensembles."""
     columns = {"person": results.people, "none": results.hits_by_person(UNSEEN, (NO_MODEL, LIMITED), "")[0]}
     for source in (*SHAPES, ALL):
         columns[f"{source}_text"] = results.hits_by_person(UNSEEN, TEXT, source)[0]
@@ -205,7 +205,7 @@ def per_shape(results: ObstacleResults, printed: Mapping[str, Mapping[str, Row]]
 
 
 def unseen(results: ObstacleResults, printed: Mapping[str, Row]) -> pd.DataFrame:
-    """Table IV.3: models past unseen spheres, by what they learned from."""
+    """Table IV.3: models tested on unseen spheres, by training set."""
     rows: list[Row] = []
     models = [(NO_MODEL, ""), *((kind, shape) for shape in SHAPES for kind in (NETWORK, ENSEMBLE))]
     for kind, source in models:
@@ -215,7 +215,7 @@ def unseen(results: ObstacleResults, printed: Mapping[str, Row]) -> pd.DataFrame
 
 
 def fit(results: ObstacleResults, low: float) -> pd.DataFrame:
-    """Figure IV.10 in numbers: NMSE of models that learned one scenario, and how many have at most `low`."""
+    """Figure IV.10 in numbers: NMSE of models that learned one scenario, and how many are at most `low`."""
     rows = []
     for column, over in FITS.items():
         parts = {part: results.setting_fits(column, part) for part in ("train", "test")}
@@ -227,7 +227,7 @@ def fit(results: ObstacleResults, low: float) -> pd.DataFrame:
 
 
 def limits(results: ObstacleResults) -> pd.DataFrame:
-    """Published rules beside limits at the goal: hits, largest goal distances (m), and samples restrained."""
+    """Published rules and limits at the goal: hits, largest goal distances (m), and restrained samples."""
     families = {"per setting": (SETTING,), "per shape": SHAPES, "all shapes": (ALL,)}
     rules, rows = {"text": PUBLISHED, "limited": LIMITED}, []
     for protocol, kind, words in product((TRAINED, UNSEEN), KINDS, families):
@@ -246,7 +246,7 @@ def limits(results: ObstacleResults) -> pd.DataFrame:
 
 
 def all_shapes(results: ObstacleResults) -> pd.DataFrame:
-    """A model of all shapes beside those of one shape, on the settings of each obstacle."""
+    """Models of all shapes and of one shape, on the settings of each obstacle."""
     rows = []
     for shape, kind, every in product(SHAPES, KINDS, (False, True)):
         source = ALL if every else shape
@@ -260,7 +260,7 @@ def all_shapes(results: ObstacleResults) -> pd.DataFrame:
 
 
 def hits(results: ObstacleResults) -> pd.DataFrame:
-    """Hits with limits at the goal by model and situation on the grid of spheres; detours are means, in m."""
+    """Hits with limits at the goal by model and situation on the grid of spheres; mean detours in m."""
     rows = []
     for kind, source in results.contenders:
         row: Row = {"model": model_name(kind, source)}
@@ -293,7 +293,7 @@ def _compared(
     source: str,
     obstacle: str | None = None,
 ) -> list[Row]:
-    """Rows of a model as printed, if it is, and here with either rules, which agree without a model."""
+    """Rows of a model as printed (if it is) and here with both rules, which agree without a model."""
     rules = {LIMITED: HERE} if kind == NO_MODEL else {its: f"{HERE}, {words}" for its, words in RULES.items()}
     places = [one for one in results.scenarios if obstacle in (None, one.shape)]
     count = len(results.situations[UNSEEN].numbers) if protocol == UNSEEN else len(places)
@@ -310,6 +310,6 @@ def _in_order(rows: Sequence[Row]) -> pd.DataFrame:
 
 
 def _strong(frame: pd.DataFrame) -> frozenset[int]:
-    """Rows of unrolls with the text's rules, to be compared with the printed ones."""
+    """Rows of unrolls with the text's rules, for comparison with the printed ones."""
     sources = frame.get("source", pd.Series(dtype=str))
     return frozenset(row for row, words in enumerate(sources) if words == f"{HERE}, {RULES[PUBLISHED]}")

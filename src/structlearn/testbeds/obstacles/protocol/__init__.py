@@ -1,1 +1,1 @@
-"""What avoidance models are learned from and put to, and how they are scored."""
+"""Training, test situations and scores of avoidance models."""

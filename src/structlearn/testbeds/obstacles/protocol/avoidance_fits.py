@@ -1,8 +1,8 @@
 """Training and errors of all avoidance models of the testbed (tables IV.1 and IV.2, figure IV.10).
 
 The models of a person learn from that person's demonstrations of one scenario, of one shape, or of all, and
-are tested on the same held-out ones. Models per setting for everybody would take longer than all the rest, so
-settings are dealt out to people (`own_scenarios`).
+are tested on the same held-out ones. Models per setting for all people would take longer than everything
+else, so settings are distributed over people (`own_scenarios`).
 """
 
 from collections.abc import Iterator, Mapping, Sequence
@@ -43,7 +43,7 @@ from structlearn.feedback.coupling_model import TrainingParameters
 from structlearn.testbeds.obstacles.world.scenarios import Scenario, own_scenarios
 
 KEYS = ["person", "model", "learned_from", "obstacle", "scenario"]
-"""Columns of the table of errors: of which model, on which samples."""
+"""Columns of the table of errors that name the model and the samples."""
 
 
 class AvoidanceTrainingParameters(Parameters):
@@ -61,7 +61,7 @@ Stack = TypeVar("Stack", AvoidanceNetworks, HumanInspiredModels)
 
 
 class _Lesson(NamedTuple):
-    """Samples that one model is trained and tested on."""
+    """Samples for training and testing one model."""
 
     person: int
     learned_from: str  # `SETTING`, a shape or `ALL`
@@ -77,11 +77,11 @@ def learn(
     parameters: AvoidanceTrainingParameters,
     modulated: int,
 ) -> tuple[dict[int, AvoidanceModels], pd.DataFrame]:
-    """Train every model of everybody, from datasets by person.
+    """Train all models of all people, from datasets by person.
 
-    Phase-modulated networks, on which no claim rests, are trained for the person `modulated` only. Returns
-    models by person, and `network_training.fit_errors` by `KEYS`; models of all shapes have a row
-    for each shape. Raises InputError: datasets of other scenarios, too few samples, a constant target.
+    Phase-modulated networks, which no claim uses, are trained only for the person `modulated`. Returns models
+    by person, and `network_training.fit_errors` by `KEYS`; models of all shapes have one row per shape.
+    Raises InputError: datasets of other scenarios, too few samples, a constant target.
     """
     own = own_scenarios(scenarios, list(datasets))
     lessons: list[_Lesson] = []
@@ -91,7 +91,7 @@ def learn(
     of_setting = [one for one in lessons if one.learned_from == SETTING]
     of_shape = [one for one in lessons if one.learned_from not in (SETTING, ALL)]
     across = [one for one in lessons if one.learned_from != SETTING]
-    across.sort(key=lambda one: -len(one.dataset))  # the longest first, so that no process waits at the end
+    across.sort(key=lambda one: -len(one.dataset))  # the longest first, so that processes finish together
     steered = [*of_shape, *of_setting]
     modulating = [one for one in across if one.person == modulated]
 
@@ -139,14 +139,14 @@ def _training(lessons: Sequence[_Lesson]) -> list[AvoidanceDataset]:
 
 
 def _models(lessons: Sequence[_Lesson], stack: Stack, person: int) -> dict[str, Stack]:
-    """The models of one person in a stack with one per lesson, by what they learned from."""
+    """Models of one person from a stack with one per lesson, by training set."""
     sources = [one.learned_from if one.person == person else "" for one in lessons]
     names = filter(None, dict.fromkeys(sources))
     return {name: stack.take([place for place, one in enumerate(sources) if one == name]) for name in names}
 
 
 def _errors(models: Mapping[int, AvoidanceModels], lessons: Sequence[_Lesson]) -> pd.DataFrame:
-    """Errors on every lesson of the models that learned it, alone or among others."""
+    """Errors on every lesson of the models that learned it, alone or with others."""
     rows = []
     for (person, source), same in groupby(lessons, key=lambda one: (one.person, one.learned_from)):
         for place, one in enumerate(same):

@@ -1,8 +1,8 @@
-"""Situations that avoidance models are tested in (IV.8.4-8.7), and their unrolls and scores.
+"""Test situations of avoidance models (IV.8.4-8.7), and their unrolls and scores.
 
 trained       the scenarios of the demonstrations
-unseen        63 small spheres close round the reach
-moving        the same spheres, crossing the reach just as the hand would be there (beyond the text)
+unseen        63 small spheres close around the reach
+moving        the same spheres, crossing the reach just when the hand would be there (beyond the text)
 pair          two of them at once (beyond the text)
 goal_change   the same spheres while the goal moves (beyond the text)
 """
@@ -41,13 +41,11 @@ NO_MODEL = "none"  # the baseline without coupling term
 LIMITED, PUBLISHED = "limited", "published"
 """Post-processing: the text's rules with limits at the goal, or alone."""
 
-PAIR_SPACING_M = (
-    0.2  # least distance of the centres of a pair along the reach, so that there is a way between
-)
+PAIR_SPACING_M = 0.2  # least distance of the centres of a pair along the reach, so that the hand fits between
 
 
 class AvoidanceEvaluationParameters(Parameters):
-    """How the models are evaluated."""
+    """Evaluation of the models."""
 
     rate_hz: float = Field(ge=25, le=1000)
     kept_every: PositiveInt
@@ -67,13 +65,13 @@ class AvoidanceEvaluationParameters(Parameters):
 
 @dataclass(frozen=True)
 class Situations:
-    """A batch of reaches past obstacles."""
+    """A batch of reaches around obstacles."""
 
     protocol: str
     obstacle: Shape
     numbers: np.ndarray  # (B,) of the setting, sphere or pair, from 1
-    obstacles: tuple[CloudBatch, ...]  # one or two of each reach
-    speed: np.ndarray  # (B,) of moving obstacles in m/s
+    obstacles: tuple[CloudBatch, ...]  # one or two per reach
+    speed: np.ndarray  # (B,) m/s of moving obstacles
     scenarios: np.ndarray | None = None  # (B,) numbers in the dataset, from 0; None if not demonstrated
     goal_change: GoalChange | None = None
 
@@ -84,7 +82,7 @@ class Situations:
         return pd.DataFrame(keys | {"scenario": self.numbers, "speed_m_s": self.speed})
 
     def where(self, rows: np.ndarray) -> Self:
-        """Some reaches past obstacles at rest, by a mask (B,)."""
+        """Some of the reaches, with obstacles at rest, selected by a mask (B,)."""
         return replace(
             self,
             numbers=self.numbers[rows],
@@ -101,11 +99,11 @@ class Learner:
     person: int  # seed
     baseline: PositionPrimitive
     models: AvoidanceModels
-    own: np.ndarray  # (K,) ascending numbers of the scenarios that have models per setting
+    own: np.ndarray  # (K,) ascending numbers of the scenarios with models per setting
 
 
 class Contender(NamedTuple):
-    """A coupling model in the reaches that it is meant for."""
+    """A coupling model, and the reaches to which it applies."""
 
     model: str  # kind
     learned_from: str  # see `learned_models.AvoidanceModels`
@@ -119,7 +117,7 @@ def situations(
     parameters: AvoidanceEvaluationParameters,
     cloud_count: int = CLOUD_COUNT,
 ) -> list[Situations]:
-    """All protocols; the trained one comes shape by shape."""
+    """Situations of all protocols; the trained ones shape by shape."""
     shapes = [shape for shape in SHAPES if any(scenario.shape == shape for scenario in scenarios)]
     return [
         *(trained(scenarios, shape, baseline, cloud_count) for shape in shapes),
@@ -133,7 +131,7 @@ def situations(
 def trained(
     scenarios: Sequence[Scenario], shape: Shape, baseline: PositionPrimitive, cloud_count: int = CLOUD_COUNT
 ) -> Situations:
-    """The scenarios of one shape, as they were demonstrated."""
+    """The scenarios of one shape as demonstrated."""
     places = np.array([place for place, scenario in enumerate(scenarios) if scenario.shape == shape])
     clouds = np.stack([scenarios[place].obstacle.cloud(cloud_count) for place in places])
     obstacles = cloud_batch(to_local(clouds, baseline))
@@ -142,7 +140,7 @@ def trained(
 
 
 def unseen(baseline: PositionPrimitive) -> Situations:
-    """The grid of spheres round the baseline (IV.8.7)."""
+    """The grid of spheres around the baseline (IV.8.7)."""
     centres = unseen_centres(baseline.start, baseline.goal)
     clouds = to_local(ringed_sphere(centres, UNSEEN_RADIUS_M), baseline)
     obstacles = cloud_batch(clouds, to_local(centres, baseline), UNSEEN_RADIUS_M)
@@ -151,7 +149,7 @@ def unseen(baseline: PositionPrimitive) -> Situations:
 
 
 def moving(baseline: PositionPrimitive, parameters: AvoidanceEvaluationParameters) -> Situations:
-    """The spheres crossing the reach, in place when the baseline is closest; even ones go to the left."""
+    """Spheres crossing the reach, in place when the baseline is closest; even ones move to the left."""
     grid = unseen(baseline)
     spheres = grid.obstacles[0]
     path = baseline.unroll(1.0 / parameters.rate_hz)
@@ -180,16 +178,17 @@ def pairs(baseline: PositionPrimitive, parameters: AvoidanceEvaluationParameters
 
 
 def goal_change(baseline: PositionPrimitive, parameters: AvoidanceEvaluationParameters) -> Situations:
-    """The grid of spheres, and a goal that moves while the hand is under way."""
+    """The grid of spheres, and a goal that moves during the reach."""
     shift = baseline_axes(baseline) @ np.array(parameters.goal_shift_m)
     change = GoalChange(parameters.goal_change_s, baseline.goal + shift)
     return replace(unseen(baseline), protocol=GOAL_CHANGE, goal_change=change)
 
 
 def contenders(learner: Learner, situation: Situations) -> Iterator[Contender]:
-    """No model, and all that are meant for a situation.
+    """No model, and all models that apply to a situation.
 
-    In demonstrated scenarios these are models of the setting, of the shape, and of all; else of every shape.
+    In demonstrated scenarios these are the models of the setting, of the shape and of all; else of every
+    shape.
     """
     every = np.ones(len(situation.numbers), dtype=bool)
     yield Contender(NO_MODEL, "", no_coupling, every)
@@ -206,12 +205,12 @@ def contenders(learner: Learner, situation: Situations) -> Iterator[Contender]:
 def evaluate(
     work: tuple[Learner, Situations], parameters: AvoidanceEvaluationParameters, with_paths_of: int
 ) -> tuple[pd.DataFrame, pd.DataFrame]:
-    """Unroll all contenders; trained and unseen obstacles with both kinds of rules.
+    """Unroll all contenders, for trained and unseen obstacles with both kinds of rules.
 
     Returns the columns of `avoidance_scores.scores` per `person`, `protocol`, `rules`, `model`,
-    `learned_from`, `obstacle`, `scenario` (number) and `speed_m_s`. Of unrolls with the rules `limited` of
-    one person it also returns paths: the same keys without the person, `time_s`, positions `x_m`, ... in the
-    base frame, and coupling terms `coupling_x`, ... that acted, local frame, m.
+    `learned_from`, `obstacle`, `scenario` (number) and `speed_m_s`; and, for one person with the rules
+    `limited`, paths: the same keys without the person, `time_s`, positions `x_m`, ... in the base frame, and
+    applied coupling terms `coupling_x`, ... in the local frame, m.
     """
     learner, situation = work
     rules = {LIMITED: parameters.postprocessing}
@@ -224,7 +223,7 @@ def evaluate(
         its = situation if contender.rows.all() else situation.where(contender.rows)
         keys = its.keys.assign(model=contender.model, learned_from=contender.learned_from)
         for name, postprocessing in rules.items():
-            found = bare  # whatever the rules
+            found = bare  # independent of the rules
             if contender.model != NO_MODEL:
                 found = unrolled(its, contender.coupling, learner.baseline, parameters, postprocessing)
             scored = scores(found, its.obstacles, bare.path.position[contender.rows])
@@ -241,7 +240,7 @@ def unrolled(
     parameters: AvoidanceEvaluationParameters,
     postprocessing: PostprocessingParameters,
 ) -> AvoidancePaths:
-    """All reaches of a situation with one model, until `LATE_FACTOR` durations."""
+    """Unroll all reaches of a situation with one model, for `LATE_FACTOR` durations."""
     obstacles, dt, change = situation.obstacles, 1.0 / parameters.rate_hz, situation.goal_change
     return unroll(
         baseline, coupling, obstacles, dt, postprocessing, until_factor=LATE_FACTOR, goal_change=change

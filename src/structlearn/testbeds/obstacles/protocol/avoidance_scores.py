@@ -1,8 +1,8 @@
-"""How well movements avoid obstacles and reach their goals: the columns of tables IV.1 to IV.3.
+"""Scores of avoiding obstacles and reaching goals: the columns of tables IV.1 to IV.3.
 
 The tables' distance to an obstacle is unitless, (|x - centre| - r) / r with the virtual radius r; a movement
-hits when it is 0 or less. This is exact for spheres only; beside it there is the distance to the closest
-point of the cloud in m. Demonstrations are scored likewise: one person's are stored, to be shown, those of
+hits if it is not positive. This is exact for spheres only, so there is also the distance in m to the closest
+point of the cloud. Demonstrations are scored likewise: those of one person are stored for display, those of
 others simulated.
 """
 
@@ -30,7 +30,7 @@ from structlearn.testbeds.obstacles.files import BASELINE
 from structlearn.testbeds.obstacles.world.reaching_person import AvoiderParameters, demonstrations
 from structlearn.testbeds.obstacles.world.scenarios import Scenario, SceneParameters, scenarios
 
-LATE_FACTOR = 1.5  # durations after which the goal distance is scored again: the forcing term is gone
+LATE_FACTOR = 1.5  # durations after which the goal distance is scored again, without a forcing term by then
 
 
 def unitless_distance(position: np.ndarray, centre: np.ndarray, radius: np.ndarray | float) -> np.ndarray:
@@ -47,7 +47,7 @@ def closest_approaches(
     """
     unitless, clearance = [], []
     for obstacle in obstacles:
-        seen = position - obstacle.path(time)  # as if the obstacle had stayed where it was
+        seen = position - obstacle.path(time)  # relative to the moving obstacle
         distances = unitless_distance(seen, obstacle.centre[:, None], obstacle.radius[:, None])
         unitless.append(distances.min(axis=1))
         clearance.append(closest_distance(seen, obstacle.points[:, None]).min(axis=1))
@@ -55,12 +55,12 @@ def closest_approaches(
 
 
 def scores(paths: AvoidancePaths, obstacles: Sequence[CloudBatch], bare: np.ndarray) -> pd.DataFrame:
-    """One row per scenario of a batch of unrolls over at least `LATE_FACTOR` durations; else InputError.
+    """One row per scenario of a batch of unrolls over at least `LATE_FACTOR` durations (else InputError).
 
     Over the prescribed duration: `obstacle_distance` (closest, unitless), `hit`, `clearance_m` (closest to
     the cloud), `detour_m` (largest distance from the path without avoidance, `bare` (B, T, 3) m), and
-    `restrained`, the share of samples whose coupling term was changed for the goal. `goal_distance_m` at its
-    end, `late_goal_distance_m` at `LATE_FACTOR` durations, `excursion_m`, the largest from its end on.
+    `restrained`, the share of samples whose coupling term was limited for the goal. `goal_distance_m` at its
+    end, `late_goal_distance_m` at `LATE_FACTOR` durations, `excursion_m`, the largest after its end.
     """
     dt = paths.path.dt
     end, late = (sample_count(factor * paths.duration, dt) for factor in (1.0, LATE_FACTOR))
@@ -95,7 +95,8 @@ def person_data(
 ) -> tuple[PositionPrimitive, pd.DataFrame, pd.DataFrame]:
     """Baseline, samples (`avoidance_dataset.to_table`) and `demonstration_scores` of one person.
 
-    `recorded`: folder with the runs of `person`; other seeds are simulated. Tables have a column `person`.
+    `recorded`: folder with the runs of `person`; people of other seeds are simulated. Tables have a column
+    `person`.
     """
     places = scenarios(scene)
     if seed == person.seed:

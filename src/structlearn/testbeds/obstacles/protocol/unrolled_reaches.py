@@ -1,4 +1,4 @@
-"""The unrolls of an evaluation, reach by reach: what figures and recordings show of them."""
+"""Unrolls of an evaluation, reach by reach, for figures and recordings."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
@@ -12,14 +12,14 @@ from structlearn.primitives.position import PositionPrimitive
 from structlearn.testbeds.obstacles.protocol.avoidance_protocols import LIMITED, NO_MODEL, Situations
 
 KEYS = ["protocol", "obstacle", "scenario", "speed_m_s", "model", "learned_from"]
-"""Columns of an evaluation that name an unroll of one person."""
+"""Columns of an evaluation that identify an unroll of one person."""
 
 NUMBERS = ["time_s", "x_m", "y_m", "z_m", "coupling_x", "coupling_y", "coupling_z"]
-"""Columns of its paths: time, position, coupling term."""
+"""Columns of the paths: time, position, coupling term."""
 
 
 class SituationKey(NamedTuple):
-    """Which reach of an evaluation: the columns of `avoidance_protocols.situation_keys`."""
+    """Identifies a situation of an evaluation: the columns of `Situations.keys`."""
 
     protocol: str
     obstacle: str
@@ -35,23 +35,23 @@ class Reach:
     learned_from: str  # see `learned_models.AvoidanceModels`
     time: np.ndarray  # (T,) s since the start
     position: np.ndarray  # (T, 3) m, base frame
-    coupling: np.ndarray  # (T, 3) m, coupling term that acted, local frame of the reach
+    coupling: np.ndarray  # (T, 3) m, applied coupling term, local frame of the reach
     coupling_in_base: np.ndarray  # (T, 3) the same in the base frame
-    obstacle_distance: float  # of the closest approach, in virtual radii from the virtual surface
-    hit: bool  # whether that is not positive
+    obstacle_distance: float  # closest, in virtual radii from the virtual surface
+    hit: bool  # whether `obstacle_distance` is not positive
     goal_distance_m: float  # at the prescribed time
 
 
 Group = Sequence[Reach]
-"""The reaches of all models in one situation, in the order in which they were evaluated."""
+"""Reaches of all models in one situation, in the order of evaluation."""
 
 
 def reaches_by_situation(
     paths: pd.DataFrame, scores: pd.DataFrame, baseline: PositionPrimitive
 ) -> dict[SituationKey, list[Reach]]:
-    """The unrolls of `avoidance_protocols.evaluate` of one person with limits at the goal, by situation.
+    """Unrolls of one person with limits at the goal from `avoidance_protocols.evaluate`, by situation.
 
-    In the order of evaluation, so the reach without avoidance is the first of each group.
+    In the order of evaluation, so the first reach of each group is that without avoidance.
     """
     limited = scores[scores["rules"] == LIMITED].set_index(KEYS)
     scored = limited[["obstacle_distance", "hit", "goal_distance_m"]].to_dict("index")
@@ -59,7 +59,7 @@ def reaches_by_situation(
     numbers = paths[NUMBERS].to_numpy(float).T
     rows = pd.Series(range(len(paths)), paths.index).groupby([paths[key] for key in KEYS], sort=False)
     reaches: dict[SituationKey, list[Reach]] = {}
-    for key, places in rows:  # thousands: a frame of each would be slow
+    for key, places in rows:  # thousands of groups: a data frame of each would be slow
         time, position, coupling = np.split(numbers.take(places, axis=1), [1, 4])
         time, position, coupling = time[0], position.T, coupling.T
         *situation, model, learned_from = key
@@ -69,7 +69,7 @@ def reaches_by_situation(
 
 
 def groups_of(situation: Situations, reaches: Mapping[SituationKey, Group]) -> list[Group]:
-    """The reaches in each of a batch of situations, in their order."""
+    """Reaches in each situation of a batch, in order."""
     return [
         reaches[SituationKey(situation.protocol, situation.obstacle, int(number), float(speed))]
         for number, speed in zip(situation.numbers, situation.speed, strict=True)

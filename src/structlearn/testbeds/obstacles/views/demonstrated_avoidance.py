@@ -1,6 +1,6 @@
-"""Recordings of trained scenarios: demonstrations (IV.8.3), and what models do beside them (IV.8.5, 8.6).
+"""Recordings of trained scenarios: demonstrations (IV.8.3), and unrolls of models (IV.8.5, 8.6).
 
-Everything is in the base frame. No robot is shown: the hand is a point, as motion capture sees it.
+Everything is in the base frame. No robot is shown: the hand is a point, as in motion capture.
 """
 
 from collections.abc import Callable, Mapping, Sequence
@@ -34,36 +34,39 @@ from structlearn.viewer import rrd
 from structlearn.viewer.rrd import FLOOR_SQUARE_M, entity, plot, rgba, scene_view, send_curve, time_column
 
 BARE = SOURCES[""]  # look of the reach without avoidance
-PALE = 0.5  # opacity of demonstrations, of which there are many, and of future paths
-SOLID_OPACITY = 0.35  # of obstacles: the cloud on the far side stays visible
-ARROW_SCALE, LONGEST_ARROW_M = 1.5e-3, 0.15  # m per m of coupling term; Rai et al. reach 100 times as much
+PALE = 0.5  # opacity of the many demonstrations, and of future paths
+SOLID_OPACITY = 0.35  # of obstacles, so that the far side of the cloud is visible
+ARROW_SCALE, LONGEST_ARROW_M = (
+    1.5e-3,
+    0.15,
+)  # m per m of coupling term; Rai et al. reach 100 times as much
 ARROW_EVERY = 2  # samples of a path per arrow
 
 SIDES = {1: "left of", 2: "above"}
 """Sides of the straight line from start to goal, by local axis."""
 
 DIRECTIONS = {1: "to the left", 2: "upwards"}
-"""Directions of coupling terms, by local axis; the term along the reach is always 0."""
+"""Directions of coupling terms by local axis; the term along the reach is always 0."""
 
 DIM = "#555c64"  # colour of demonstrated coupling terms, darker than that of demonstrations
-ROOM = 1.5  # range of plots of coupling terms over that of the demonstrated ones
+ROOM = 1.5  # range of plots of coupling terms, relative to the demonstrated ones
 
 
 class ObstacleViewParameters(Parameters):
-    """What the recordings of demonstrations and of models show."""
+    """Scenarios in the recordings of demonstrations and models."""
 
     scenarios: tuple[str, ...] = Field(min_length=1)
 
 
 @dataclass(frozen=True)
 class ShownScenario:
-    """A scenario, how people avoided its obstacle, and how the models do."""
+    """A scenario with demonstrations and unrolls of models."""
 
     scenario: Scenario
-    cloud: np.ndarray  # (P, 3) m, base frame, the points of the obstacle that models see
+    cloud: np.ndarray  # (P, 3) m, base frame, points of the obstacle in the models' features
     demonstrations: Sequence[Demonstration]
     targets: pd.DataFrame  # samples of the demonstrations: `demonstration`, `time_s`, `target_x`, ...
-    reaches: Group  # of the models; that without avoidance is among them
+    reaches: Group  # of the models, including no avoidance
 
 
 def shown_scenarios(
@@ -74,7 +77,7 @@ def shown_scenarios(
     reaches: Mapping[SituationKey, Group],
     cloud_count: int,
 ) -> list[ShownScenario]:
-    """Demonstrations, samples and unrolls of some scenarios, in the order of their names.
+    """Demonstrations, samples and unrolls of the named scenarios, in that order.
 
     Raises InputError: there is no scenario of a name.
     """
@@ -100,7 +103,7 @@ def write_avoidance_demonstrations(
     places: Sequence[tuple[Scenario, bool]],
     title: str,
 ) -> None:
-    """Record demonstrations past obstacles: all chosen scenarios, all settings, and one scenario a tab.
+    """Record demonstrations around obstacles: all chosen scenarios, all settings, and one scenario per tab.
 
     `places`: a scenario of each setting, and whether the reach without avoidance hits an obstacle there.
     """
@@ -192,10 +195,10 @@ def _notes(
 
 
 def write_trained_avoidance(path: str | Path, shown: Sequence[ShownScenario], title: str) -> None:
-    """Record unrolls in trained scenarios: a tab per scenario, in it a column per kind of model.
+    """Record unrolls in trained scenarios: one tab per scenario, one column per kind of model.
 
-    A column has paths with coupling terms beside the demonstrations, the distance to the obstacle, and
-    coupling terms over time beside the demonstrated ones.
+    A column shows paths with coupling terms and the demonstrations, the distance to the obstacle, and
+    coupling terms over time with the demonstrated ones.
     """
     origin = rrd.origin_label([one for group in shown for one in group.demonstrations])
     with rrd.recording(path, title) as stream:
@@ -219,7 +222,7 @@ def write_trained_avoidance(path: str | Path, shown: Sequence[ShownScenario], ti
 def _send_model(
     stream: rr.RecordingStream, one: ShownScenario, kind: str, points: np.ndarray, floor: float
 ) -> rrb.Vertical:
-    """Log paths and signals of a kind of model by what it learned from; returns its scene and plots."""
+    """Log paths and signals of a kind of model by training set; returns its scene and plots."""
     name = one.scenario.name
     for reach in of_model(one.reaches, kind):
         label, colour = SOURCES[reach.learned_from]

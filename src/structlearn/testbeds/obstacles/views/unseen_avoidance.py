@@ -1,4 +1,4 @@
-"""Recordings of unseen spheres (IV.8.7), and of what the text leaves out: moving spheres, pairs, goals."""
+"""Recordings of unseen spheres (IV.8.7), and of situations beyond the text: moving spheres, pairs, goals."""
 
 from collections.abc import Mapping, Sequence
 from pathlib import Path
@@ -33,8 +33,8 @@ from structlearn.testbeds.obstacles.views.demonstrated_avoidance import (
 from structlearn.viewer import rrd
 from structlearn.viewer.rrd import FLOOR_SQUARE_M, entity, plot, rgba, scene_view, send_curve, time_column
 
-SPHERE, STEPS_PER_S = "sphere", 2.0  # time line on which each step is another sphere
-SHOWN = 3  # reaches per situation, evenly spread over those that hit without avoidance
+SPHERE, STEPS_PER_S = "sphere", 2.0  # timeline with one sphere per step
+SHOWN = 3  # reaches per situation, evenly spaced among those that hit without avoidance
 
 EXPLAINED = {
     MOVING: "A sphere crosses the reach and is there just when the unhindered hand would be.",
@@ -46,10 +46,10 @@ EXPLAINED = {
 def write_unseen_avoidance(
     path: str | Path, situation: Situations, groups: Sequence[Group], baseline: PositionPrimitive, title: str
 ) -> None:
-    """Record reaches past unseen spheres, which are in the local frame of the baseline.
+    """Record reaches around unseen spheres, which are given in the local frame of the baseline.
 
     The first tab shows all paths of each ensemble; the second one sphere at a time with the paths of all
-    ensembles, and how close they get to every sphere.
+    ensembles, and their closest distances to every sphere.
     """
     centres = in_base_frame(situation.obstacles[0].centre, baseline)
     ensembles = ensembles_of(groups)
@@ -84,7 +84,7 @@ def write_unseen_avoidance(
 
 
 def ensembles_of(groups: Sequence[Group]) -> dict[str, list[Reach]]:
-    """Reaches of ensembles in all situations, by what they learned from."""
+    """Reaches of ensembles in all situations, by training set."""
     every = [reach for group in groups for reach in of_model(group, ENSEMBLE)]
     found = {source: [reach for reach in every if reach.learned_from == source] for source in SOURCES}
     return {source: its for source, its in found.items() if its}
@@ -113,7 +113,7 @@ def _send_spheres(
     baseline: PositionPrimitive,
     steps: Sequence[rr.TimeColumn],
 ) -> None:
-    """All centres as small balls, and the sphere of each step in its size."""
+    """Log all centres as small balls, and the sphere of each step at full size."""
     colours = [(HIT if without_avoidance(group).hit else FREE).colour for group in groups]
     labels = [str(number) for number in situation.numbers]
     balls = rr.Points3D(centres, colors=rgba(colours), radii=0.006, labels=labels, show_labels=False)
@@ -166,9 +166,9 @@ def write_changing_avoidance(
     baseline: PositionPrimitive,
     title: str,
 ) -> None:
-    """Record reaches past obstacles of kinds that models never met in training, a tab per situation.
+    """Record reaches in kinds of situations that models never met in training, one tab per situation.
 
-    A tab has some reaches as scenes over time, with the distance to the nearest sphere below each.
+    A tab shows some reaches as scenes over time, with the distance to the nearest sphere below each.
     """
     with rrd.recording(path, title) as stream:
         tabs = []
@@ -202,7 +202,7 @@ def surface_distances(
 def _send_scene(
     stream: rr.RecordingStream, situation: Situations, index: int, group: Group, baseline: PositionPrimitive
 ) -> rrb.Vertical:
-    """Log one reach past its spheres by every ensemble; a scene and the distances below it."""
+    """Log one reach past its spheres by every ensemble; returns a scene with distances below it."""
     heading = f"{SITUATIONS[situation.protocol]} {situation.numbers[index]}"
     if situation.speed[index]:
         heading += f", {situation.speed[index]:g} m/s"
@@ -269,7 +269,7 @@ def send_sphere(
     centres: np.ndarray,
     colours: Sequence[str],
 ) -> None:
-    """Log a sphere whose centre (T, 3) m and colour change; its cloud (P, 3) m is relative to the centre."""
+    """Log a sphere with changing centre (T, 3) m and colour; its cloud (P, 3) m is relative to the centre."""
     solid = rr.Ellipsoids3D(half_sizes=[[radius] * 3], fill_mode=FillMode.Solid)
     stream.log(f"{path}/solid", solid, static=True)
     stream.log(f"{path}/cloud", rr.Points3D(cloud, radii=-1.5), static=True)

@@ -1,1 +1,1 @@
-"""Where obstacles stand, and the simulated people who reach past them."""
+"""Positions of obstacles, and simulated people reaching around them."""

@@ -1,9 +1,9 @@
-"""A simulated person who reaches past obstacles, independent of coupling terms and networks.
+"""A simulated person who reaches around obstacles, independent of coupling terms and networks.
 
-A reach has minimum jerk (Flash & Hogan 1985) and is slightly lifted, as over a table. Where it would come too
-near to an obstacle, the person picks a side, takes a via point there with the least additional jerk, and the
-path gives way until the hand's clearance is kept everywhere: descent on a hinge of the obstacle's signed
-distance in the metric of squared jerk (covariant descent, Ratliff et al. 2009). Trials differ in duration,
+A reach has minimum jerk (Flash & Hogan 1985) and is slightly lifted, as over a table. If it would come too
+close to an obstacle, the person picks a side, takes a via point there with the least additional jerk, and the
+path is deformed until the hand's clearance is kept everywhere: descent on a hinge of the obstacle's signed
+distance in the metric of squared jerk (covariant descent, Ratliff et al. 2009). Trials vary in duration,
 lift, end points, clearance, perceived place of the obstacle, side and motor noise.
 """
 
@@ -21,12 +21,12 @@ from structlearn.core.params import Parameters
 from structlearn.readers.demonstration import Demonstration
 from structlearn.testbeds.obstacles.world.scenarios import Scenario, SceneParameters, check_clear, reach_frame
 
-PLAN_POINTS = 51  # of a planned path over its normalised duration; samples are interpolated
-FIXED_POINTS = 3  # at either end of a plan: position, velocity and acceleration there stay those of rest
-SIDES = 16  # directions across the reach among which a person picks the side
-DETOURS_M = np.linspace(0.0, 0.5, 101)  # detours that are tried on each side
-DESCENT_STEPS, DESCENT_RATE, TOLERANCE_M = 200, 0.3, 5e-4  # ends when no clearance is missed by more
-TIGHT = 0.9  # share of the free space at start or goal that is kept where it is less than the clearance
+PLAN_POINTS = 51  # per planned path over its normalised duration; samples are interpolated
+FIXED_POINTS = 3  # at either end of a plan, which keep position, velocity and acceleration at rest
+SIDES = 16  # directions across the reach from which a person picks the side
+DETOURS_M = np.linspace(0.0, 0.5, 101)  # detours tried on each side
+DESCENT_STEPS, DESCENT_RATE, TOLERANCE_M = 200, 0.3, 5e-4  # stops when no clearance is violated by more
+TIGHT = 0.9  # share of the free space at start or goal that is kept if it is less than the clearance
 NOISE_CORRELATION_S = 0.12  # std of the Gaussian that smooths motor noise; corrections take 0.1 to 0.3 s
 
 Seconds = Annotated[float, Field(ge=0, le=10)]
@@ -34,7 +34,7 @@ Spread = Annotated[float, Field(ge=0, le=0.1)]
 
 
 class AvoiderParameters(Parameters):
-    """The person, and the motion capture that records the hand; spreads are std between trials."""
+    """The person, and the motion capture of the hand; spreads are std between trials."""
 
     baseline_count: int = Field(ge=1, le=1000)
     count: int = Field(ge=1, le=1000)
@@ -65,9 +65,9 @@ class AvoiderParameters(Parameters):
 def demonstrations(
     scenario: Scenario | None, scene: SceneParameters, person: AvoiderParameters
 ) -> list[Demonstration]:
-    """Reaches "01", "02", ... in one scenario, or without obstacle where it is None.
+    """Reaches "01", "02", ... in one scenario, or without obstacle if it is None.
 
-    Each depends on the seed, its scenario and its number only. Raises InputError: an obstacle contains start
+    Each depends only on the seed, its scenario and its number. Raises InputError: an obstacle contains start
     or goal, or the reach has no direction.
     """
     provenance = {
@@ -101,7 +101,7 @@ def reaches(
     seeds = [np.random.SeedSequence([person.seed, *place, number]) for number in range(count)]
     draws = [np.random.default_rng(seed) for seed in seeds]
     axes = reach_frame(scene.start, scene.goal)
-    trials = np.stack([rng.standard_normal(13) for rng in draws])  # a fixed number of draws
+    trials = np.stack([rng.standard_normal(13) for rng in draws])  # always the same number of draws
     durations = person.movement_s * np.exp(person.movement_cv * np.clip(trials[:, 0], -2.5, 2.5))
     bow = np.array([0.0, person.lift_m]) + np.array(person.bow_spread_m) * trials[:, 11:]
     starts = scene.start + person.end_spread_m * trials[:, 1:4]
@@ -110,7 +110,7 @@ def reaches(
     if scenario is not None:
         check_clear(scenario.obstacle, scene.start, scene.goal)
         clearance = person.clearance_m * np.exp(person.clearance_spread * trials[:, 7])
-        moved = person.perception_m * trials[:, 8:11]  # misperceived by so much, like a hand that is off
+        moved = person.perception_m * trials[:, 8:11]  # a misperceived obstacle equals a displaced hand
         chance = np.stack([rng.gumbel(size=SIDES) for rng in draws])
         seen = plans - moved[:, None]
         plans = _avoiding(seen, scenario.obstacle, clearance, axes, person, chance) + moved[:, None]
@@ -135,7 +135,7 @@ def _avoiding(
     person: AvoiderParameters,
     chance: np.ndarray,
 ) -> np.ndarray:
-    """Paths (D, N, 3) changed with little jerk so that they keep their clearance (D,) from the obstacle."""
+    """Paths (D, N, 3) deformed with little jerk to keep their clearance (D,) from the obstacle."""
     ends = solid.signed_distance(paths[:, [0, -1]]).min(axis=1)
     clearance = np.minimum(clearance, TIGHT * ends)[:, None]
     metric = jerk_metric(PLAN_POINTS)
@@ -150,7 +150,7 @@ def _avoiding(
         distance, normal = solid.distance_and_normal(paths)
         missing = np.maximum(clearance - distance, 0.0)  # (D, N)
         worst = missing.max(axis=1)
-        wanting = worst >= TOLERANCE_M  # the others stay: each as if it were alone
+        wanting = worst >= TOLERANCE_M  # the others no longer change, as if computed alone
         if not wanting.any():
             break
         step = metric @ (missing[..., None] * normal)
@@ -183,8 +183,8 @@ def _detour(
 def jerk_metric(count: int) -> np.ndarray:
     """Response (count, count) of a path at rest at both ends to a push with the least squared jerk.
 
-    It is the inverse of the quadratic form of squared third differences, scaled to a largest entry of 1; rows
-    and columns of the `FIXED_POINTS` at either end are 0.
+    The inverse of the quadratic form of squared third differences, scaled to a largest entry of 1; rows and
+    columns of the `FIXED_POINTS` at either end are 0.
     """
     third = np.diff(np.eye(count), n=3, axis=0)[:, FIXED_POINTS:-FIXED_POINTS]
     metric = np.zeros((count, count))
@@ -208,6 +208,6 @@ def _moved(
     speed = np.linalg.norm(path(moving, 1), axis=1, keepdims=True) * ((moving > 0) & (moving < 1))[:, None]
     width = NOISE_CORRELATION_S * person.rate_hz
     motor = gaussian_filter1d(rng.standard_normal((len(time) + 200, 3)), width, axis=0)[100:-100]
-    motor *= np.sqrt(2.0 * np.sqrt(np.pi) * width)  # unit std again
+    motor *= np.sqrt(2.0 * np.sqrt(np.pi) * width)  # restores unit std
     noise = person.motor_noise_m * speed / speed.max() * motor
     return time, path(moving) + noise + person.marker_noise_m * rng.standard_normal((len(time), 3))

@@ -1,8 +1,8 @@
-"""Places of obstacles: 40 settings for each of three shapes, and 63 unseen spheres (IV.8.3, IV.8.7).
+"""Positions of obstacles: 40 settings for each of three shapes, and 63 unseen spheres (IV.8.3, IV.8.7).
 
-The recorded settings are not public. These approximate what is known of them: an unhindered reach hits the
+The recorded settings are not public. These approximate what is known about them: a free reach hits the
 obstacle in 4 of 120 scenarios, 43 of 120 have a dominant axis of avoidance, the closest distance is 5 radii
-on average (table IV.1), and in the public samples obstacles lie up to 1.1 m along and 0.9 m beside the reach,
+on average (table IV.1), and in the public samples obstacles are up to 1.1 m along and 0.9 m beside the reach,
 up to 0.25 m higher or lower.
 """
 
@@ -22,18 +22,18 @@ from structlearn.primitives.position import SHORTEST_REACH
 Metres = tuple[float, float, float]
 
 NEAR_M = (0.15, 0.09)
-"""Half axes, sideways and upwards, of the ellipse across the reach in which near obstacles lie: a hand keeps
-about 0.12 m away, so nearly all have to be avoided and a few are hit without avoidance."""
+"""Half axes, sideways and upwards, of the ellipse across the reach that contains near obstacles: a hand keeps
+about 0.12 m away, so nearly all must be avoided, and a few are hit without avoidance."""
 
 FAR_ALONG = (-0.6, 1.6)  # range of far obstacles along the reach, in reaches from the start
 FAR_M = (0.9, 0.2)  # half width sideways and upwards of the box in which far obstacles lie
-FAR_CLEARANCE_M = 0.25  # from the line of the reach to the centre of a far obstacle: no detour is needed
+FAR_CLEARANCE_M = 0.25  # from the line of the reach to the centre of a far obstacle, which needs no detour
 
 END_CLEARANCE_M = 0.06
-"""From start or goal to the surface of any obstacle: a hand has to fit; unseen spheres are as close."""
+"""From start or goal to the surface of any obstacle, so that a hand fits; unseen spheres are as close."""
 
 GRID_ALONG = np.array([-1.0, 1.0, 2.0, 3.0, 4.0, 5.0, 7.0]) / 6.0
-"""Seven points from start to goal, the two at the ends pushed one spacing outwards."""
+"""Seven points from start to goal, the two at the ends moved one spacing outwards."""
 
 GRID_ACROSS_M, UNSEEN_RADIUS_M = np.array([-0.025, 0.0, 0.025]), 0.05
 
@@ -56,12 +56,12 @@ class SceneParameters(Parameters):
 
     @property
     def start(self) -> np.ndarray:
-        """(3,) m."""
+        """Start (3,) m."""
         return np.array(self.start_m)
 
     @property
     def goal(self) -> np.ndarray:
-        """(3,) m."""
+        """Goal (3,) m."""
         return np.array(self.goal_m)
 
 
@@ -79,12 +79,12 @@ class Scenario:
 
     @property
     def name(self) -> str:
-        """E.g. `sphere/07`, also the folder of its recordings."""
+        """Name, e.g. `sphere/07`; also the folder of its recordings."""
         return f"{self.shape}/{self.setting:02d}"
 
 
 def scenarios(parameters: SceneParameters, shapes: Sequence[Shape] = SHAPES) -> list[Scenario]:
-    """All settings with all shapes, shape by shape; their order numbers them.
+    """All settings of all shapes, shape by shape; scenarios are numbered in this order.
 
     Raises InputError: start and goal are too close to each other.
     """
@@ -97,16 +97,16 @@ def scenarios(parameters: SceneParameters, shapes: Sequence[Shape] = SHAPES) -> 
 
 
 def own_scenarios(scenarios: Sequence[Scenario], people: Sequence[int]) -> dict[int, np.ndarray]:
-    """Ascending numbers of the scenarios that each person has models per setting of.
+    """Ascending numbers of the scenarios for which each person has models per setting.
 
-    Settings are dealt out in turn, with all their shapes: training each for everybody would take too long.
+    Settings are distributed in turn, with all their shapes; all for everybody would take too long.
     """
     turn = np.array([(scenario.setting - 1) % len(people) for scenario in scenarios])
     return {person: np.flatnonzero(turn == place) for place, person in enumerate(people)}
 
 
 def reach_frame(start: np.ndarray, goal: np.ndarray) -> np.ndarray:
-    """Local frame (3, 3) to base of a reach, as its primitive will have it: x along the reach (IV.6.1).
+    """Local frame (3, 3) to base of a reach, as of its primitive: x along the reach (IV.6.1).
 
     A reach along gravity has no z axis closest to up; then y is anchored instead (`frames.frame_kind`).
     Raises InputError: start and goal, (3,) m each, are too close to have a direction.
@@ -128,7 +128,7 @@ def check_clear(solid: Obstacle, start: np.ndarray, goal: np.ndarray) -> None:
 def unseen_centres(start: np.ndarray, goal: np.ndarray) -> np.ndarray:
     """Centres (63, 3) m of the unseen spheres: a 7 x 3 x 3 grid close round the reach, z fastest (IV.8.7).
 
-    The author's grid has the axes of his world, along which his reach ran; ours has those of the reach.
+    The author's grid is along his world's axes, along which his reach ran; ours is along those of the reach.
     Raises InputError: as `reach_frame`.
     """
     axes = reach_frame(start, goal)
@@ -138,9 +138,10 @@ def unseen_centres(start: np.ndarray, goal: np.ndarray) -> np.ndarray:
 
 
 def _positions(parameters: SceneParameters) -> tuple[np.ndarray, np.ndarray]:
-    """Centres (settings, 3) m in the base frame and turns (settings,) rad about the vertical.
+    """Centres (settings, 3) m in the base frame, and rotations (settings,) rad about the vertical.
 
-    Positions are drawn until all shapes leave start and goal free. The near ones go evenly along the reach.
+    Positions are drawn until all shapes leave start and goal free. Near ones are evenly spaced along the
+    reach.
     """
     start, goal = parameters.start, parameters.goal
     axes = reach_frame(start, goal)
@@ -167,7 +168,7 @@ def _positions(parameters: SceneParameters) -> tuple[np.ndarray, np.ndarray]:
 
 
 def _near_place(rng: np.random.Generator, along: float, length: float) -> np.ndarray:
-    """Evenly distributed over the ellipse across the reach, (3,) m in the local frame."""
+    """Uniform position on the ellipse across the reach, (3,) m in the local frame."""
     radius, angle = np.sqrt(rng.random()), rng.uniform(0.0, 2.0 * np.pi)
     across = np.array(NEAR_M) * radius * np.array([np.cos(angle), np.sin(angle)])
     return np.array([length * (0.1 + 0.8 * along), *across])

@@ -45,7 +45,7 @@ from structlearn.testbeds.scraping.world import layout
 STRUCTURES = ("pmnn_100", "pmnn_0", "ffnn_phase", "ffnn")
 EMBEDDINGS = ("pmnn_100", "pmnn_6", "pca", "autoencoder")
 CHANNELS_SHOWN = 2
-TIME = np.linspace(0.0, 1.0, SAMPLES)  # Normalised
+TIME = np.linspace(0.0, 1.0, SAMPLES)  # normalised
 
 
 def panel(title: str, height: float = 3.0) -> tuple[Figure, Axes]:
@@ -57,7 +57,7 @@ def panel(title: str, height: float = 3.0) -> tuple[Figure, Axes]:
 
 
 def mean_band(axes: Axes, curves: np.ndarray, colour: str, label: str | None = None) -> None:
-    """Mean of curves (R, `SAMPLES`) over normalised time, and one std on either side."""
+    """Mean of curves (R, `SAMPLES`) over normalised time, with a band of one std."""
     mean = curves.mean(axis=0)
     spread = curves.std(axis=0, ddof=1) if len(curves) > 1 else np.zeros_like(mean)
     axes.fill_between(TIME, mean - spread, mean + spread, color=colour, alpha=0.2, linewidth=0)
@@ -65,7 +65,7 @@ def mean_band(axes: Axes, curves: np.ndarray, colour: str, label: str | None = N
 
 
 def demonstrated_curves(dataset: CouplingDataset, setting: float, values: np.ndarray) -> np.ndarray:
-    """Values (S,) of every demonstration in a setting over normalised time, (L, `SAMPLES`)."""
+    """Values (S,) of every demonstration in a setting, resampled to normalised time (L, `SAMPLES`)."""
     inside = dataset.setting == setting
     each = pd.Series(values[inside]).groupby(dataset.demonstration[inside])
     return np.stack([signals.time_normalised(one.to_numpy(), SAMPLES) for _, one in each])
@@ -73,7 +73,7 @@ def demonstrated_curves(dataset: CouplingDataset, setting: float, values: np.nda
 
 @styled
 def expected_figure(stored: Stored) -> list[Figure]:
-    """Mean and std of a few electrodes in the executions, with the learned expected traces."""
+    """Mean and std of some electrodes in the executions, with the learned expected traces."""
     moved = np.max([np.ptp(learned, axis=0) for _, learned in stored.felt.values()], axis=0)
     shown = np.sort(np.argsort(-moved, kind="stable")[:CHANNELS_SHOWN])
     labels = [f"channel {channel + 1} (counts)" for channel in shown]
@@ -91,9 +91,9 @@ def expected_figure(stored: Stored) -> list[Figure]:
 
 @styled
 def targets_figure(stored: Stored) -> list[Figure]:
-    """Coupling targets and the deviation of the most telling channel per setting, mean and std."""
+    """Coupling targets, and the deviation of the most informative channel, per setting: mean and std."""
     places = np.linspace(0.85, 0.0, len(stored.corrected_deg))
-    colours = [to_hex(colormaps["viridis"](place)) for place in places]  # darker where tilted more
+    colours = [to_hex(colormaps["viridis"](place)) for place in places]  # darker for larger tilts
     figures = []
     for name in stored.adapted:
         dataset, channel = stored.datasets[name], stored.channels[name][0]
@@ -112,8 +112,8 @@ def targets_figure(stored: Stored) -> list[Figure]:
 def models_figure(errors: pd.DataFrame, people: ScrapingPeople) -> list[Figure]:
     """Figure IV.16, top and middle: generalisation NMSE of the representations, mean and std over folds.
 
-    At the step best for the demonstration left out, as in the dissertation; a diamond is at the step that
-    validation chose, a dot the mean of one of the people on whom it is judged.
+    Evaluated at the best step for the left-out demonstration, as in the dissertation; a diamond marks the
+    step chosen by validation, a dot the mean of one of the people that verdicts use.
     """
     primitives, figures = errors["primitive"].unique(), []
     errors = errors.set_index(["primitive", "representation", "stopping"])
@@ -140,7 +140,7 @@ def models_figure(errors: pd.DataFrame, people: ScrapingPeople) -> list[Figure]:
 
 @styled
 def weights_figure(stored: Stored) -> list[Figure]:
-    """Figure IV.16, bottom: the hidden nodes that weigh most for each phase kernel."""
+    """Figure IV.16, bottom: the hidden nodes with the largest weight for each phase kernel."""
     figures, colours = [], ListedColormap([BLUE, "#f5d76e"])
     for name in stored.adapted:
         dominant = stored.dominant(name)
@@ -156,7 +156,7 @@ def weights_figure(stored: Stored) -> list[Figure]:
 
 @styled
 def executions_figure(stored: Stored) -> list[Figure]:
-    """One execution without feedback and one corrected by a person: roll, force, torque, electrodes."""
+    """An execution without feedback, and one corrected by a person: roll, force, torque, electrodes."""
     shown = {kind: stored.tilted[kind] for kind in (NOMINAL, CORRECTED)}
     runs = {kind: its[0] for kind, its in shown.items() if its}
     channels, figures = busiest_electrodes(list(runs.values())), []
@@ -184,7 +184,7 @@ def executions_figure(stored: Stored) -> list[Figure]:
 
 @styled
 def closed_loop_figure(stored: Stored, primitive: str) -> list[Figure]:
-    """Figure IV.18: coupling term and one electrode's deviation over time, a panel per setting."""
+    """Figure IV.18: coupling term and deviation of one electrode over time, one panel per setting."""
     dataset, channel = stored.datasets[primitive], stored.channels[primitive][0]
     traces = matching(stored.tables["traces"], primitive=primitive)
     known = stored.parameters["coupling_dataset"].settings_deg
@@ -218,7 +218,7 @@ def _dots(axes: Axes, x: np.ndarray, y: np.ndarray) -> None:
 
 
 def _demonstrated_band(axes: Axes, curves: np.ndarray) -> None:
-    """Every demonstration, and their mean with one std on either side."""
+    """All demonstrations, and their mean with a band of one std."""
     look = RUNS[CORRECTED]
     axes.plot(TIME, curves.T, color=look.colour, linewidth=0.4, alpha=0.6)
     axes.plot([], [], color=look.colour, label=f"{look.name} (black: mean ± std)")
@@ -230,7 +230,7 @@ def _demonstrated_band(axes: Axes, curves: np.ndarray) -> None:
 
 @styled
 def roll_figure(stored: Stored) -> list[Figure]:
-    """Roll of the tool against roll of the board at the end of each primitive; a point per execution."""
+    """Roll of the tool over roll of the board at the end of each primitive; one point per execution."""
     scores, figures = stored.tables["scores"], []
     models, tilts = list(scores["model"].unique()), settings(scores)
     for primitive in stored.adapted:
@@ -239,7 +239,7 @@ def roll_figure(stored: Stored) -> list[Figure]:
         axes.plot(ends, ends, color=BLACK, linewidth=1.0, linestyle=":", label="flat on it")
         for place, model in enumerate(models):
             own = matching(scores, primitive=primitive, model=model)
-            beside = 0.16 * (place - 0.5 * (len(models) - 1))  # so that points can be told apart
+            beside = 0.16 * (place - 0.5 * (len(models) - 1))  # offset that separates the points
             look: dict[str, Any] = {"linestyle": "none", "marker": "o", "markersize": 3.2, "alpha": 0.7}
             roll, kind = own["setting_deg"] + own["end_roll_deg"], RUNS[model]
             axes.plot(own["setting_deg"] + beside, roll, color=kind.colour, label=kind.name, **look)
@@ -281,9 +281,9 @@ def cost_figure(
 
 
 CLOUD_WIDTH = 0.26
-"""Iterations over which the cloud of samples is spread, halfway between two executions of the network."""
+"""Width in iterations of the cloud of samples, halfway between two executions of the network."""
 
-# All lengths in mm. Outlines (N, 2): x along the pinch, z up, from the grasp between the finger tips.
+# All lengths in mm. Outlines (N, 2): x along the pinch, z up, from the grasp between the fingertips
 EDGE, HALF_EDGE, HAND = 1e3 * layout.EDGE_M, 0.5e3 * layout.EDGE_WIDTH_M, 1e3 * layout.GRASP_M
 TOOL = np.array(
     [(-6, 9), (6, 9), (6, -9), (4, -11), (HALF_EDGE, -EDGE), (-HALF_EDGE, -EDGE), (-4, -11), (-6, -9)]
@@ -298,14 +298,14 @@ BOARD_LENGTH, BOARD_THICKNESS = 96.0, 5.0
 BOARD_COLOUR = "#d9cdb8"
 HAND_COLOURS = {BEFORE: "#d3d9df", AFTER: "#6b7681"}
 HEIGHT_DRAWN = 13.0
-"""From the board to the tool where it hovers, at most: drawn higher the angles would be small."""
+"""Largest distance drawn between board and hovering tool; larger ones would make the angles hard to see."""
 
 VIEW, CLOSE_UP = (-48.0, 48.0, -17.0, 98.0), (-9.0, 9.0, -2.6, 4.0)  # mm, left, right, bottom, top
 
 
 @styled
 def learning_figure(stored: Stored, curves: pd.DataFrame) -> list[Figure]:
-    """Figure IV.19: cost over the iterations, with the network, by the improved policies, and the samples."""
+    """Figure IV.19: cost over the iterations: with the network, of improved policies, and of samples."""
     figures, history = [], stored.tables["history"]
     for name in history["primitive"].unique():
         figure, axes = panel(primitive_title(stored.names, name))
@@ -313,7 +313,7 @@ def learning_figure(stored: Stored, curves: pd.DataFrame) -> list[Figure]:
         look: dict[str, Any] = {"linestyle": "none", "marker": "o", "markersize": 3.0, "markeredgewidth": 0}
         colour = ROLLOUTS[SAMPLE].colour
         for iteration, rows in own[own["kind"] == SAMPLE].groupby("iteration"):
-            # number by number from left to right: nothing is drawn at random
+            # in order from left to right, without random jitter
             x = iteration - 0.5 + CLOUD_WIDTH * (np.arange(len(rows)) / max(len(rows) - 1, 1) - 0.5)
             label = ROLLOUTS[SAMPLE].name if iteration == 1 else None
             axes.plot(x, rows["cost_rad"], color=colour, label=label, **look)
@@ -338,7 +338,7 @@ def learning_figure(stored: Stored, curves: pd.DataFrame) -> list[Figure]:
 
 @styled
 def search_figure(stored: Stored, searches: pd.DataFrame) -> list[Figure]:
-    """Cost of the mean policy over the rollouts used, PI2-CMA beside CMA-ES; mean and range of searches."""
+    """Cost of the mean policy over the rollouts used, PI2-CMA and CMA-ES; mean and range of searches."""
     figures = []
     for name in stored.adapted:
         rows = matching(searches, primitive=name)
@@ -362,14 +362,14 @@ class Snapshot:
     hand_deg: float  # roll of the hand
     tool_deg: float  # roll of the tool
     off_deg: float  # angle between tool and board
-    grasp: np.ndarray  # (2,) mm from where the edge meets the board, x to the right and z up
+    grasp: np.ndarray  # (2,) mm from the contact of the edge with the board, x to the right and z up
 
 
 def snapshots(run: Demonstration, board_deg: float, axis: np.ndarray) -> list[Snapshot]:
     """An execution at its start and at the end of every primitive.
 
-    The angles are as recorded. Hand and tool are moved up by what board and grasp give under the force, so
-    that the edge lies on the board and not in it, and where they hover down to `HEIGHT_DRAWN`.
+    The angles are as recorded. Hand and tool are moved up by the compliance of board and grasp, so that the
+    edge lies on the board and not in it, and, while hovering, down to `HEIGHT_DRAWN`.
 
     `axis`: (3,) roll axis.
     """
@@ -388,13 +388,13 @@ def snapshots(run: Demonstration, board_deg: float, axis: np.ndarray) -> list[Sn
 
 
 def turned(points: np.ndarray, roll_deg: float) -> np.ndarray:
-    """Points (..., 2) turned about the roll axis, which points away from the reader: clockwise."""
+    """Points (..., 2) rotated about the roll axis, which points away from the reader: clockwise."""
     cos, sin = np.cos(np.radians(roll_deg)), np.sin(np.radians(roll_deg))
     return points @ np.array([[cos, -sin], [sin, cos]])
 
 
 def typical_pair(stored: Stored) -> list[Demonstration]:
-    """Executions before and after under the same conditions; of all pairs that which gained the mean."""
+    """Executions before and after under the same conditions: the pair with the mean improvement."""
     rows = matching(stored.tables["refined_scores"], setting_deg=stored.refined_deg)
     total = rows.groupby(["model", "run"])["cost_rad"].sum()
     gain = total[BEFORE] - total[AFTER]
@@ -404,7 +404,7 @@ def typical_pair(stored: Stored) -> list[Demonstration]:
 
 @styled
 def snapshots_figure(stored: Stored) -> list[Figure]:
-    """Figure IV.21: one pair of executions at the tilt refined on; two moments a panel, below close up."""
+    """Figure IV.21: a pair of executions at the refined tilt; two moments per panel, close-ups below."""
     runs = [snapshots(run, stored.refined_deg, stored.axis) for run in typical_pair(stored)]
     titles = ["before the first", *(f"end of {name}" for name in stored.names)]
     moments_shown = list(zip(titles, *runs, strict=True))
@@ -424,12 +424,12 @@ def snapshots_figure(stored: Stored) -> list[Figure]:
             close.set_title(f"tool off by {_change(before.off_deg, after.off_deg)}", fontsize=8.5)
         for axes in columns.ravel():
             axes.set_axis_off()
-    figures[0].axes[2].legend(loc="upper right", fontsize=7.5)  # where nothing lies on the board yet
+    figures[0].axes[2].legend(loc="upper right", fontsize=7.5)  # the board is still empty there
     return figures
 
 
 def _draw_shot(axes: Axes, model: str, shot: Snapshot) -> None:
-    """Hand and tool at one moment, pale before refinement."""
+    """Draw hand and tool at one moment, pale before refinement."""
     opacity = 0.9 if model == BEFORE else 0.75
     look: dict[str, Any] = {"edgecolor": "white", "linewidth": 0.6, "alpha": opacity}
     for outline in PARTS:
@@ -450,6 +450,6 @@ def _draw_board(axes: Axes, board_deg: float) -> None:
 
 
 def _change(old: float, new: float) -> str:
-    """`3.1° → 1.0°`; one number where they are the same."""
+    """Text like `3.1° → 1.0°`; a single number if they are equal."""
     before, after = rounded(old, ".1f"), rounded(new, ".1f")
     return f"{before}°" if before == after else f"{before}° → {after}°"

@@ -35,13 +35,13 @@ from structlearn.testbeds.scraping.page.stored import Stored
 
 ELECTRODES_SHOWN = 4
 FORCING_SAMPLES = 300
-LINES = ("-", (0, (4, 1.5)))  # Line styles of the sequences in one figure
+LINES = ("-", (0, (4, 1.5)))  # line styles of the sequences in one figure
 
 
 def stacked_panels(
     labels: Sequence[str], height: float, title: str = "", time: str = "time / duration"
 ) -> tuple[Figure, np.ndarray]:
-    """A figure of panels below each other, which share their time, with labels of their axes."""
+    """Panels below each other with a common time axis and labelled axes."""
     figure = canvas(height, PANEL_WIDTH)
     panels = figure.subplots(len(labels), 1, sharex=True, squeeze=False)[:, 0]
     for panel, label in zip(panels, labels, strict=True):
@@ -52,7 +52,7 @@ def stacked_panels(
 
 
 def busiest_electrodes(runs: Sequence[Demonstration]) -> np.ndarray:
-    """Channels whose counts change most in any of the runs, rising."""
+    """Channels whose counts vary most in any of the runs, ascending."""
     moved = np.max([np.ptp(run.signal("tactile"), axis=0) for run in runs], axis=0)
     return np.sort(np.argsort(-moved, kind="stable")[:ELECTRODES_SHOWN])
 
@@ -69,7 +69,7 @@ def draw_electrodes(panel: Axes, run: Demonstration, channels: np.ndarray) -> No
 
 @styled
 def demonstrations_figure(stored: Stored) -> list[Figure]:
-    """Position per axis and speed of all demonstrations over time; the reference in front."""
+    """Position per axis and speed of all demonstrations over time, with the reference in front."""
     labels = [["x (mm)", "y (mm)"], ["z (mm)", "speed (mm/s)"]]
     figures, rows = zip(*(stacked_panels(pair, 3.6, time="time (s)") for pair in labels), strict=True)
     panels = np.concatenate(rows)
@@ -85,7 +85,7 @@ def demonstrations_figure(stored: Stored) -> list[Figure]:
 
 @styled
 def one_demonstration_figure(stored: Stored) -> list[Figure]:
-    """Position, speed and, where recorded, force and touch of one demonstration with its cut points."""
+    """Position, speed and, if recorded, force and touch of one demonstration with its cut points."""
     one, segmentation = (stored.guesses or [stored.reference])[0], stored.segmentation
     names, wrench = segmentation.primitives, one.wrench
     pairs = [["from start (mm)", "speed (mm/s)"]]
@@ -129,7 +129,7 @@ def space_figure(stored: Stored) -> list[Figure]:
 
 @styled
 def sequence_space_figure(sequences: Mapping[str, pd.DataFrame]) -> list[Figure]:
-    """Unrolled sequences in space, coloured by primitive; one line style each."""
+    """Unrolled sequences in space, coloured by primitive, with one line style each."""
     paths = []
     for number, (line, (title, table)) in enumerate(zip(LINES, sequences.items(), strict=False)):
         for place, (name, part) in enumerate(table.groupby("primitive", sort=False)):
@@ -153,7 +153,7 @@ def position_fit_figure(stored: Stored) -> list[Figure]:
 
 @styled
 def orientation_fit_figure(stored: Stored) -> list[Figure]:
-    """The same for orientations, as rotation vectors in degrees from the goal in the base frame."""
+    """Orientations likewise, as rotation vectors in degrees from the goal in the base frame."""
     labels = [f"about {axis} (°)" for axis in "xyz"]
     figures = []
     for place, one in enumerate(stored.primitives):

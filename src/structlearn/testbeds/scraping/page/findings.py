@@ -1,9 +1,9 @@
 """Findings of the three scraping pages, named by their sentences and claims.
 
-Claims and sentences are over people. For each of them the study `scraping/people` runs the whole testbed anew
-(demonstrations, sensor, corrections, models, executions and refinement), once with the parameters as they are
+Claims and sentences are over people. The study `scraping/people` runs the whole testbed for each of them
+(demonstrations, sensor, corrections, models, executions and refinement), once with the given parameters
 (`OURS`) and once as published (`TEXT`). People are independent; folds and executions of one person are not.
-The study gathers the rows of the person of this run, by `key`; these rows decide nothing.
+The study collects the rows of this run's person by `key`; these rows decide nothing.
 """
 
 from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
@@ -35,10 +35,10 @@ from structlearn.testbeds.scraping.page.tables import (
 )
 from structlearn.testbeds.scraping.protocol.execution_scores import AFTER, BEFORE, NOMINAL
 
-TEXT = "text"  # variant of the study, beside `OURS`
+TEXT = "text"  # variant of the study, besides `OURS`
 
 WORDS = {POINTWISE: "feedback", "pmnn_100": "pmnn", "validation": "", "generalization": "best_step"}
-"""Parts of keys that are called otherwise; training steps are chosen by validation unless a key says so."""
+"""Parts of keys with other names; the training step is the one chosen by validation unless a key says so."""
 
 MODEL_PAIRS = {
     "order_of_structures": (("pmnn_100", "pmnn_0"), ("pmnn_0", "ffnn_phase"), ("ffnn_phase", "ffnn")),
@@ -48,13 +48,13 @@ MODEL_PAIRS = {
     ),
     "more_nodes": (("pmnn_100", "pmnn_6"),),
 }
-"""Pairs (better, worse) of representations that a claim is made of."""
+"""Pairs (better, worse) of representations in claims."""
 
 FIT_COLUMNS = {
     "fit": (False, ("mean_mm", "max_mm", "end_mm", "mean_deg", "end_deg")),
     "left_one_out": (True, ("mean_mm", "mean_deg")),
 }
-"""By name: whether of demonstrations left out, and what is found of each primitive."""
+"""By name: whether demonstrations are left out, and the findings for each primitive."""
 
 HEADLINES_OF_ONE: dict[str, bool | Collection[str]] = {
     "cut_error_ms": ("wls",),
@@ -65,17 +65,17 @@ HEADLINES_OF_ONE: dict[str, bool | Collection[str]] = {
     "cost_ratio_level_over_nominal": ("0", "10"),
     "rl_cost_ratio": ("prim2", "prim3"),
 }
-"""Numbers by which experiments are compared where people were not studied with these parameters."""
+"""Numbers for comparing experiments when people were not studied with these parameters."""
 
 Numbers = np.ndarray | None
-"""(P,) one per person; None where the study was not run, or kept no such number."""
+"""(P,) one per person; None if the study was not run, or has no such number."""
 
 
 def key(primitives: Sequence[str], *parts: str | float) -> str:
     """Name of a number, e.g. `cost_feedback_prim2_10`.
 
-    `parts`: primitives, counted as in the dissertation; models and representations by `WORDS`; settings in
-    degrees (floats); anything else as it is.
+    `parts`: primitives, numbered as in the dissertation; models and representations by `WORDS`; settings in
+    degrees (floats); anything else unchanged.
     """
     words = {name: f"prim{number}" for number, name in enumerate(primitives, 1)} | WORDS
     texts = [words.get(part, part) if isinstance(part, str) else level_name(part) for part in parts]
@@ -100,12 +100,12 @@ class ScrapingPeople(People):
 
 
 def people_of(stored: Stored, form: str = OURS) -> ScrapingPeople:
-    """People of the study that claims rest on, in one form."""
+    """People of the study that claims use, in one form."""
     return ScrapingPeople(stored.study, form, stored.names)
 
 
 def findings(stored: Stored, frames: Frames) -> Findings:
-    """All of the three pages; `frames`: of `tables.derived`."""
+    """All findings of the three pages; `frames`: from `tables.derived`."""
     people = people_of(stored)
     find = Findings(f"person {stored.parameters['scraping_people'].shown}")
     segmentation_of_one(find, stored, frames)
@@ -123,7 +123,7 @@ def findings(stored: Stored, frames: Frames) -> Findings:
 
 
 def segmentation_of_one(find: Findings, stored: Stored, frames: Frames) -> None:
-    """Rows of cuts and primitives; what the sweep decides is over other people than those of the study."""
+    """Rows on cuts and primitives; verdicts from the sweep are over other people than the study's."""
     find.exact("demonstrations", len(stored.was_cut))
     find.exact("demonstrations_left_out", len(stored.segmentation.left_out))
     if "cut_errors" in frames:
@@ -147,14 +147,14 @@ def segmentation_of_one(find: Findings, stored: Stored, frames: Frames) -> None:
     sweep.exact("sweep_cut_error_ms", swept.set_index(cases)["mean_ms"].to_dict())
     sweep.exact("wls_wins_at_every_noise_level", wins_at_every_noise_level(swept))
     least_cut_error(sweep, errors_by_seed(stored.tables["noise"]))
-    worst = downsampling_worst(stored.tables["downsampling_people"])  # empty of one factor g
+    worst = downsampling_worst(stored.tables["downsampling_people"])  # empty for a single factor g
     sweep.mean("downsampling_work_g2", worst["work"])
     for column in ("shift_samples", "shift_samples_text"):
         sweep.mean(f"downsampling_{column}", worst[column])
 
 
 def least_cut_error(find: Findings, errors: pd.DataFrame) -> None:
-    """How much better the result's cuts are than each other method's, in pairs, at the least clear level."""
+    """Advantage of the result's cuts over each other method, paired, at the least clear noise level."""
     noisy = errors.query("noise_mm > 0")
     wide = noisy.pivot_table(index=["noise_mm", "seed"], columns="method", values="error_ms")
     others = [method for method in METHODS if method in wide and method != RESULT]
@@ -170,14 +170,14 @@ def least_cut_error(find: Findings, errors: pd.DataFrame) -> None:
 
 
 def feedback_of_one(find: Findings, stored: Stored, frames: Frames) -> None:
-    """Rows of models and executions.
+    """Rows on models and executions.
 
-    `<model>_prim<number>_generalization_nmse` is the mean over folds at the step that validation chose, with
-    the suffix `_best_step` at the best step for the demonstration left out, as in the dissertation.
+    `<model>_prim<number>_generalization_nmse` is the mean over folds at the step chosen by validation, with
+    the suffix `_best_step` at the best step for the left-out demonstration, as in the dissertation.
     `cost_ratio_<model>_over_nominal_<degrees>` is over all primitives, `feedback` being the published
     pointwise model and `level` ours; `cost_<model>_prim<number>_<degrees>` is in rad. Smallest steps are from
-    tilt to tilt, of the roll torque without feedback and of the pointwise model's mean coupling term.
-    `shared_nodes`: how many of ten dominant nodes any two phase kernels share.
+    tilt to tilt, for the roll torque without feedback and the pointwise model's mean coupling term.
+    `shared_nodes`: number of common nodes among the ten dominant ones of any two phase kernels.
     """
     named, cases = partial(key, stored.names), partial(by_key, stored.names)
     errors = frames["model_errors"].set_index(["primitive", "representation", "stopping"])
@@ -205,13 +205,13 @@ def feedback_of_one(find: Findings, stored: Stored, frames: Frames) -> None:
 
 
 def refinement_of_one(find: Findings, stored: Stored, frames: Frames) -> None:
-    """Rows of refinement by trial; what was not executed is left out.
+    """Rows on refinement by trial; what was not executed is left out.
 
-    `rl_cost_...` is at the tilt refined on, in rad, `rl_cost_ratio` after over before; `rl_cost_ratio_at` is
+    `rl_cost_...` is at the refined tilt, in rad, `rl_cost_ratio` after over before; `rl_cost_ratio_at` is
     over all primitives at any tilt, `seen_cost_ratio_after_over_before_max` the largest at the training
     settings. `rl_over_nominal_max`: largest ratio to the cost without feedback over all tilts, before and
-    after; `rl_over_nominal_0`: after, on the level board. `rl_between_<model>`: by how many rad a tilt never
-    seen costs more than the cheaper and less than the dearer of its neighbours, whichever is less.
+    after; `rl_over_nominal_0`: after, on the level board. `rl_between_<model>`: by how many rad an unseen
+    tilt costs more than the cheaper and less than the dearer of its neighbours, whichever is less.
     """
     named, cases = partial(key, stored.names), partial(by_key, stored.names)
     scores, history, every = (
@@ -253,13 +253,13 @@ def refinement_of_one(find: Findings, stored: Stored, frames: Frames) -> None:
 
 
 def seen(stored: Stored) -> list[float]:
-    """Settings on which refinement was executed and of whose demonstrations its models were learned."""
+    """Executed settings whose demonstrations the refined models were trained on."""
     learned = stored.parameters["refine"].settings_deg
     return [setting for setting in settings(stored.tables["refined_scores"]) if setting in learned]
 
 
 def segmentation_of_people(find: Findings, people: ScrapingPeople, aligned: Sequence[str]) -> None:
-    """Of the page on segmentation and primitives; `aligned` are the primitives that have an axis."""
+    """Findings of the page on segmentation and primitives; `aligned`: primitives with an axis."""
     numbers = people.numbers
     for name, method in (("aligned_as_printed", "wls_text"), ("aligned_with_crossings", RESULT)):
         find.mean(name, {one: numbers(f"alignment_gain_mm_{method}_{one}") for one in aligned})
@@ -278,10 +278,10 @@ def segmentation_of_people(find: Findings, people: ScrapingPeople, aligned: Sequ
 
 
 def feedback_of_people(find: Findings, people: ScrapingPeople, stored: Stored) -> None:
-    """Of the page on feedback models; what is stored says what was executed and decides nothing.
+    """Findings of the page on feedback; `stored` only says what was executed.
 
-    Names that end with `_validated` are at the step that validation chose, others at the dissertation's: the
-    step at which the error on the demonstration left out is lowest (IV.9.3).
+    Names ending in `_validated` are at the step chosen by validation, others at the dissertation's: the step
+    with the lowest error on the left-out demonstration (IV.9.3).
     """
     of, adapted, settings_deg = people.of, stored.adapted, settings(stored.tables["scores"])
     for stopping, ending in (("generalization", ""), ("validation", "_validated")):
@@ -328,7 +328,7 @@ def feedback_of_people(find: Findings, people: ScrapingPeople, stored: Stored) -
 
 
 def refinement_of_people(find: Findings, people: ScrapingPeople, stored: Stored) -> None:
-    """Of the page on refinement, in one form; what is stored says what was executed and decides nothing."""
+    """Findings of the page on refinement, in one form; `stored` only says what was executed."""
     form, of, executed = people.variant, people.of, stored.adapted
     refined = stored.tables["history"]["primitive"].unique()
     lower = {name: of("rl_cost_ratio", name) for name in refined}
@@ -343,24 +343,24 @@ def refinement_of_people(find: Findings, people: ScrapingPeople, stored: Stored)
     every = {f"{tilt:g}°": its for tilt, its in at_tilts.items()}
     find.geometric_mean(f"rl_cost_ratio_at_tilts_{form}", every)
     find.geometric_mean(f"seen_cost_ratio_{form}", of("seen_cost_ratio_after_over_before_max"))
-    models = (BEFORE, AFTER) if form == TEXT else (AFTER,)  # before, both forms are the same
+    models = (BEFORE, AFTER) if form == TEXT else (AFTER,)  # both forms are equal before refinement
     between = {f"{name}, {model}": of("rl_between", model, name) for name in executed for model in models}
     find.mean(f"between_{form}", between)
     find.geometric_mean(f"level_board_refined_{form}", of("rl_over_nominal_0"))
     searched = {one: ratio(*(of("search_cost", method, one) for method in (PI2, CMA_ES))) for one in refined}
     find.geometric_mean(f"search_{form}", searched)
-    if form == TEXT:  # before refinement both forms are the same, and cost more than after
+    if form == TEXT:  # both forms are equal before refinement, and cost more than after
         costs = {name: of("rl_over_nominal_max", name) for name in executed}
         find.geometric_mean("nominal_is_worst_text", costs)
 
 
 def ratio(first: Numbers, second: np.ndarray | float | None) -> Numbers:
-    """Of numbers by person; None where one of both is not known."""
+    """Ratio of numbers by person; None if one is unknown."""
     return None if first is None or second is None else first / second
 
 
 def smallest_step(values: np.ndarray) -> float:
-    """Of values (N,) that should all rise or all fall; negative if not monotonic."""
+    """Smallest step of values (N,) that should be monotonic; negative if they are not."""
     steps = np.diff(values)
     return float((np.sign(steps.sum()) * steps).min()) if len(steps) else 0.0
 
@@ -368,7 +368,7 @@ def smallest_step(values: np.ndarray) -> float:
 def least_clear(
     make: Callable[..., Evidence], samples: Iterable[Sequence[Numbers]], comparisons: int
 ) -> Evidence:
-    """`weakest` of several numbers, each from some samples; not known where a sample is not."""
+    """`weakest` of several numbers, each from its samples; unknown if a sample is."""
     samples = list(samples)
     if any(one is None for its in samples for one in its):
         return UNKNOWN
@@ -376,10 +376,9 @@ def least_clear(
 
 
 def weakest(found: Iterable[Evidence]) -> Evidence:
-    """Of several numbers that all should be above zero the one that decides.
+    """Deciding number among several that all should be above zero.
 
-    That is one that is not known; else the clearest of those that are below zero; else that whose interval
-    reaches lowest.
+    An unknown one, if any; else the clearest of those below zero; else the one whose interval reaches lowest.
     """
     found = list(found)
     unknown = [one for one in found if not np.isfinite([one.value, one.low, one.high]).all()]
@@ -390,7 +389,7 @@ def weakest(found: Iterable[Evidence]) -> Evidence:
 
 
 def share_left(ratios: Sequence[Numbers], comparisons: int = 1) -> Evidence:
-    """Geometric mean over people of the ratio of costs (P,), of several the one least clearly below 1."""
+    """Geometric mean over people of cost ratios (P,); of several, the one least clearly below 1."""
     logs = [[None if one is None else -np.log(one)] for one in ratios]
     saved = least_clear(mean, logs, comparisons)
     value, low, high = (float(np.exp(-one)) for one in (saved.value, saved.high, saved.low))

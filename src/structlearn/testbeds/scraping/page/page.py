@@ -1,4 +1,4 @@
-"""The scraping report: its three pages with their figures and the sources of these."""
+"""Report of the scraping testbed: its three pages, with figures and their sources."""
 
 from collections.abc import Iterable, Mapping, Sequence
 from functools import partial
@@ -40,11 +40,11 @@ SOURCES = {
     "refined": Source("data/feedback/scraping/refined", "scraping_evaluate_refinement"),
     "search": Source("data/feedback/scraping/search", "scraping_compare_search"),
 }
-"""Files that figures and tables come from, with the stages that make them."""
+"""Files that figures and tables come from, with the stages that write them."""
 
 
 def published() -> Mapping[str, Any]:
-    """What the dissertation prints for this testbed."""
+    """Values printed in the dissertation for this testbed."""
     return read_values(Path(__file__).with_name("published.yaml"))
 
 
@@ -58,8 +58,8 @@ def pages(
 ) -> dict[str, Document]:
     """The pages by file name.
 
-    `frames`, `shown`: of `tables.derived`, and as they are shown. `printed`: of `published`. `listed`: keys
-    of the parameters of each page.
+    `frames`, `shown`: from `tables.derived`, raw and formatted. `printed`: from `published`. `listed`: keys
+    of the parameters on each page.
     """
     count = people_of(stored).count
     over = f"Over {count} people" if count else "Over people, who were not studied with these parameters,"
@@ -106,7 +106,7 @@ def pages(
 
 
 def drawings(stored: Stored, frames: tables.Frames) -> dict[str, Drawing | Sequence[Drawing]]:
-    """Figures of the three pages, as far as the data go; two of them show the people studied."""
+    """Figures of the three pages, as far as there are data; two of them show the studied people."""
     people, raw, cuts = people_of(stored), stored.tables, stored.segmentation
     known = (*stored.parameters["coupling_dataset"].settings_deg, 0.0)
     cost = partial(board_figures.cost_figure, stored.names)
@@ -134,7 +134,7 @@ def drawings(stored: Stored, frames: tables.Frames) -> dict[str, Drawing | Seque
     }
     for name in stored.adapted:
         panels = board_figures.closed_loop_figure(stored, name)
-        made[f"closed_loop_{name}"] = [Raster(panel) for panel in panels]  # lines by the hundred
+        made[f"closed_loop_{name}"] = [Raster(panel) for panel in panels]  # hundreds of lines
     if stored.guesses:
         first = stored.found_primitives[0]
         guess = stored.most_refined_guess(first.name)

@@ -1,4 +1,4 @@
-"""What the stages and studies of the scraping testbed wrote, as its three pages read it."""
+"""Outputs of the stages and studies of the scraping testbed, as read by its three pages."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
@@ -29,24 +29,24 @@ from structlearn.testbeds.scraping.names import CORRECTED
 from structlearn.testbeds.scraping.protocol.execution_scores import AFTER, BEFORE, NOMINAL
 from structlearn.testbeds.scraping.world.testbed import FINGERS
 
-SAMPLES = 101  # Points over normalised time on which curves are compared
-PEOPLE = "scraping/people"  # The study that the pages rest on
+SAMPLES = 101  # points of normalised time at which curves are compared
+PEOPLE = "scraping/people"  # study that the pages use
 
 
 @dataclass(frozen=True)
 class Stored:
-    """Outputs of the stages, and what the figures and sentences of all pages select from them."""
+    """Outputs of the stages, and selections of them for figures and sentences."""
 
     parameters: Mapping[str, Any]  # by key of `params.yaml`
-    study: Study | None  # over people; None where it was not run with these parameters
+    study: Study | None  # over people; None if it was not run with these parameters
     tables: Mapping[str, pd.DataFrame]  # those of `files.TABLES`, and `checks` of the supervised data
-    demonstrations: Sequence[Demonstration]  # the complete ones, those that could not be cut among them
+    demonstrations: Sequence[Demonstration]  # complete ones, including those that could not be cut
     segmentation: Segmentation  # their cuts
-    primitives: Sequence[PosePrimitive]  # learned from all demonstrations that were cut
+    primitives: Sequence[PosePrimitive]  # learned from all segmented demonstrations
     unrolls: Sequence[Demonstration]  # nominal executions in the default setting
     expected: Mapping[str, VectorPrimitive]  # expected traces by primitive
-    datasets: Mapping[str, CouplingDataset]  # by primitive, of all settings
-    networks: Mapping[str, CouplingModel]  # the pointwise models by primitive
+    datasets: Mapping[str, CouplingDataset]  # by primitive, with all settings
+    networks: Mapping[str, CouplingModel]  # pointwise models by primitive
     tilted: Mapping[str, Sequence[Demonstration]]  # runs at `tilt_deg` by model, and `CORRECTED`
     refined: Mapping[str, Sequence[Demonstration]]  # runs at `refined_deg` by model
 
@@ -67,12 +67,12 @@ class Stored:
 
     @property
     def tilt_deg(self) -> float:
-        """Largest roll of the board on which models were executed, which is shown in detail."""
+        """Largest roll of the board in executions of the models, which is shown in detail."""
         return max(self.parameters["evaluate_feedback"].settings_deg)
 
     @property
     def refined_deg(self) -> float:
-        """Roll of the board that was refined on."""
+        """Roll of the board at which models were refined."""
         return self.parameters["refine"].setting_deg
 
     @property
@@ -88,7 +88,7 @@ class Stored:
 
     @cached_property
     def reference(self) -> Demonstration:
-        """The demonstration with which the others are aligned."""
+        """The demonstration that the others are aligned with."""
         return next(one for one in self.was_cut if one.name == self.segmentation.reference)
 
     @cached_property
@@ -97,7 +97,7 @@ class Stored:
         return [one for one in self.was_cut if one is not self.reference]
 
     def most_refined_guess(self, primitive: str) -> Demonstration:
-        """The guess whose cut points by ordinary and by weighted least squares differ most."""
+        """The guess for which cuts by ordinary and weighted least squares differ most."""
         ordinary, weighted = (
             self.segmentation.result(primitive, method)[["start_s", "end_s"]] for method in ("ls", RESULT)
         )
@@ -106,12 +106,12 @@ class Stored:
 
     @property
     def sequences(self) -> dict[str, pd.DataFrame]:
-        """Both sequences by the name that figures and claims give them."""
+        """Both sequences by their name in figures and claims."""
         return {"as demonstrated": self.tables["nominal"], "new situation": self.tables["generalised"]}
 
     @cached_property
     def acceleration_jumps(self) -> list[float]:
-        """Largest relative jump of the acceleration at a switch of each sequence; none without a switch."""
+        """Largest relative acceleration jump at a switch of each sequence; empty without a switch."""
         several = len(self.primitives) > 1
         return [largest_acceleration_jump(table) for table in self.sequences.values() if several]
 
@@ -123,12 +123,12 @@ class Stored:
 
     @cached_property
     def corrected_deg(self) -> list[float]:
-        """Settings with corrections, rising."""
+        """Settings with corrections, ascending."""
         return np.unique(np.concatenate([one.setting for one in self.datasets.values()])).tolist()
 
     @property
     def demonstrations_per_setting(self) -> int:
-        """Corrected demonstrations in a setting, at most."""
+        """Largest number of corrected demonstrations in a setting."""
         return max(len(np.unique(one.demonstration)) for one in self.datasets.values())
 
     @cached_property
@@ -138,7 +138,7 @@ class Stored:
 
     @cached_property
     def felt(self) -> dict[str, tuple[np.ndarray, np.ndarray]]:
-        """By primitive, counts (R, T, E) of the executions over normalised time, and (T, E) expected ones."""
+        """By primitive: counts (R, T, E) of the executions in normalised time, and expected ones (T, E)."""
         cuts, found = commanded_cuts(self.unrolls, self.names), {}
         for name in self.names:
             runs = []
@@ -153,7 +153,7 @@ class Stored:
 
     @property
     def expected_errors(self) -> tuple[float, float]:
-        """Counts, rms over everything: the expected trace off the mean run, and the std of the runs."""
+        """RMS in counts: expected trace against the mean run, and std of the runs."""
         off = [np.mean((runs.mean(axis=0) - learned) ** 2) for runs, learned in self.felt.values()]
         spread = [
             np.mean(runs.var(axis=0, ddof=1)) if len(runs) > 1 else np.nan for runs, _ in self.felt.values()
@@ -161,10 +161,10 @@ class Stored:
         return float(np.sqrt(np.mean(off))), float(np.sqrt(np.mean(spread)))
 
     def dominant(self, primitive: str) -> tuple[np.ndarray, float, float] | None:
-        """Figure IV.16 bottom; None of a network without phase kernels.
+        """Figure IV.16 bottom; None for a network without phase kernels.
 
-        Returns (N, H) of `dominant_features`, and how many of these nodes neighbouring kernels and any two
-        kernels share on average.
+        Returns (N, H) of `dominant_features`, and the mean number of these nodes shared by neighbouring
+        kernels and by any two kernels.
         """
         weights = self.networks[primitive].arrays().get("phase_weights")
         if weights is None:
@@ -174,7 +174,7 @@ class Stored:
         return dominant, float(shared[distance == 1].mean()), float(shared.mean())
 
     def role(self, setting_deg: float) -> str:
-        """What a setting was to the models that were refined, in one word."""
+        """Role of a setting for the refined models, in one word."""
         if setting_deg == self.refined_deg:
             return "refined"
         if setting_deg in self.parameters["refine"].settings_deg:
@@ -183,22 +183,22 @@ class Stored:
 
 
 def channel_name(channel: int) -> str:
-    """`channel 25`, and whose electrode it is."""
+    """Name of a channel with finger and electrode."""
     finger, electrode = divmod(channel, len(ELECTRODES_MM))
     return f"channel {channel + 1} ({FINGERS[finger]} finger, electrode {electrode + 1})"
 
 
 def shared_nodes(dominant: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """How many dominant nodes each pair of phase kernels shares, and the distance between both kernels."""
+    """Number of dominant nodes shared by each pair of phase kernels, and the distance of the kernels."""
     first, second = np.triu_indices(len(dominant), 1)
     return (dominant.astype(int) @ dominant.T.astype(int))[first, second], second - first
 
 
 def sharing_over_phase(dominant: np.ndarray) -> float:
-    """Correlation of how many dominant nodes two phase kernels share with their distance, over all pairs.
+    """Correlation of the number of dominant nodes shared by two phase kernels with their distance.
 
-    Negative where nodes come and go with the phase; 0 on average in permuted order or with permuted weights,
-    and 0 where the nodes are the same at every phase. `dominant`: (N, H) of `dominant_features`.
+    Negative if nodes come and go with the phase; 0 on average for permuted order or weights, and 0 if the
+    nodes are the same at every phase. `dominant`: (N, H) of `dominant_features`.
     """
     shared, distance = shared_nodes(dominant)
     return float(np.corrcoef(shared, distance)[0, 1]) if np.ptp(shared) else 0.0
@@ -213,16 +213,16 @@ def dominant_features(phase_weights: np.ndarray) -> np.ndarray:
 
 
 def informative_channel(dataset: CouplingDataset) -> tuple[int, float]:
-    """The channel whose mean deviation in a demonstration correlates most with the setting, and how much."""
+    """The channel whose mean deviation per demonstration correlates most with the setting, and how much."""
     means = pd.DataFrame(dataset.deviation).groupby([dataset.setting, dataset.demonstration]).mean()
     setting = pd.Series(means.index.get_level_values(0).to_numpy(float), means.index)
-    correlation = means.corrwith(setting).fillna(0.0)  # a channel that never varies has none
+    correlation = means.corrwith(setting).fillna(0.0)  # NaN for constant channels
     channel = int(np.argmax(correlation.abs()))
     return channel, float(correlation[channel])
 
 
 def read_stored(found: files.ScrapingFiles, parameters: Mapping[str, Any]) -> Stored:
-    """Outputs of the stages and of the study."""
+    """Read the outputs of the stages and of the study."""
     folder = found.data / "feedback/scraping"
     primitives = read_primitives(found.data / "primitives/scraping/primitives.safetensors")
     datasets = files.read_datasets(folder / "dataset")
@@ -252,4 +252,4 @@ def read_stored(found: files.ScrapingFiles, parameters: Mapping[str, Any]) -> St
 
 
 UNUSED = ("rollouts", "refined_traces")
-"""Large tables that only the recordings show."""
+"""Large tables that only recordings use."""

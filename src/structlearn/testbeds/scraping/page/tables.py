@@ -1,4 +1,4 @@
-"""Tables of the three pages by name: what is derived from the stored ones, and how each is shown."""
+"""Tables of the three pages by name: derived from the stored ones, and formatted."""
 
 import re
 from collections.abc import Mapping, Sequence
@@ -33,12 +33,12 @@ from structlearn.testbeds.scraping.protocol.execution_scores import (
 )
 from structlearn.testbeds.scraping.world.layout import hand_roll_deg
 
-ALL = "all"  # In tables of ratios: the cost summed over the primitives
+ALL = "all"  # in tables of ratios: the cost summed over the primitives
 PUBLISHED_ITERATIONS = 2
-"""After which both primitives had converged (IV.9.4.1); also in `published.yaml`, for sentences."""
+"""Iterations until both primitives had converged (IV.9.4.1); also in `published.yaml`, for sentences."""
 
 Frames = Mapping[str, pd.DataFrame]
-"""Tables by name; one without rows is not shown."""
+"""Tables by name; empty ones are not shown."""
 
 
 def derived(stored: Stored, printed: Mapping[str, Any]) -> dict[str, pd.DataFrame]:
@@ -47,7 +47,7 @@ def derived(stored: Stored, printed: Mapping[str, Any]) -> dict[str, pd.DataFram
 
 
 def cut_tables(stored: Stored) -> dict[str, pd.DataFrame]:
-    """Of the page on segmentation and primitives."""
+    """Tables of the page on segmentation and primitives."""
     cuts, by_seed = stored.segmentation, cut_errors.errors_by_seed(stored.tables["noise"])
     tables = {
         "demonstrations_left_out": cuts.left_out,
@@ -67,9 +67,9 @@ def cut_tables(stored: Stored) -> dict[str, pd.DataFrame]:
 
 
 def downsampling_worst(effect: pd.DataFrame) -> pd.DataFrame:
-    """Worst values of `cut_sweep.downsampling_sweep` by person; empty of one factor g.
+    """Worst values of `cut_sweep.downsampling_sweep` per person; empty for a single factor g.
 
-    `work` times g² where it is furthest from 1, and the largest `shift_samples` and `shift_samples_text`.
+    `work` times g² where it deviates most from 1, and the largest `shift_samples` and `shift_samples_text`.
     """
     first = effect["factor"].min()
     rest = effect[effect["factor"] > first]
@@ -79,7 +79,7 @@ def downsampling_worst(effect: pd.DataFrame) -> pd.DataFrame:
 
 
 def board_tables(stored: Stored, printed: Mapping[str, Any]) -> dict[str, pd.DataFrame]:
-    """Of the page on feedback models, which are executed at every tilt."""
+    """Tables of the page on feedback, with executions at every tilt."""
     tables, scores = stored.tables, stored.tables["scores"]
     errors = model_errors(tables["comparison"], stored.adapted)
     runs = {model: stored.tilted[model] for model in (NOMINAL, POINTWISE)}
@@ -98,7 +98,7 @@ def board_tables(stored: Stored, printed: Mapping[str, Any]) -> dict[str, pd.Dat
 
 
 def refinement_tables(stored: Stored, printed: Mapping[str, Any]) -> dict[str, pd.DataFrame]:
-    """Of the page on refinement."""
+    """Tables of the page on refinement."""
     scores, history, search = (stored.tables[name] for name in ("refined_scores", "history", "search"))
     tables = {
         "refinement_curves": curves(history),
@@ -118,7 +118,7 @@ def refinement_tables(stored: Stored, printed: Mapping[str, Any]) -> dict[str, p
 
 
 def settings(scores: pd.DataFrame, tilted: bool = False) -> list[float]:
-    """Rolls of the board in executions, rising; `tilted`: without the level one."""
+    """Rolls of the board in executions, ascending; `tilted`: without the level one."""
     return [setting for setting in np.unique(scores["setting_deg"]).tolist() if setting or not tilted]
 
 
@@ -129,7 +129,7 @@ def costs(scores: pd.DataFrame) -> pd.DataFrame:
 
 
 def ratios(scores: pd.DataFrame) -> pd.DataFrame:
-    """Accumulated cost of each model relative to each of those before it, in pairs of runs of equal name.
+    """Accumulated cost of each model relative to each of those before it, paired by run name.
 
     One row per `primitive` ("all" is their sum), `model`, `baseline` and `setting_deg`: columns of
     `execution_scores.cost_ratios`, and the `verdict` on the model.
@@ -145,13 +145,13 @@ def ratios(scores: pd.DataFrame) -> pd.DataFrame:
 
 
 def overall_ratio(table: pd.DataFrame, model: str, baseline: str = NOMINAL) -> pd.Series:
-    """Ratios of costs over all primitives by setting, of a table of `ratios`."""
+    """Cost ratios over all primitives by setting, from a table of `ratios`."""
     rows = matching(table, model=model, baseline=baseline, primitive=ALL)
     return rows.set_index("setting_deg")["ratio"]
 
 
 def run_costs(scores: pd.DataFrame, model: str, setting_deg: float, primitive: str) -> np.ndarray:
-    """(R,) accumulated cost in rad of every run, in the order of their names."""
+    """(R,) accumulated cost in rad of every run, sorted by name."""
     runs = matching(scores, model=model, setting_deg=setting_deg, primitive=primitive)
     return runs.sort_values("run")["cost_rad"].to_numpy()
 
@@ -170,9 +170,9 @@ def demonstrated_costs(stored: Stored) -> pd.DataFrame:
 
 
 def felt_counts(traces: pd.DataFrame) -> pd.Series:
-    """By `setting_deg`, rms over channels and time of the deviation from what was expected, counts.
+    """RMS over channels and time of the deviation from the expected traces, in counts, by `setting_deg`.
 
-    Of executions without feedback: on the level board it is how much one contact differs from another.
+    For executions without feedback; on the level board it measures the variation between contacts.
     """
     nominal = matching(traces, model=NOMINAL)
     squares = nominal.filter(like="channel_").pow(2).mean(axis=1)
@@ -180,10 +180,10 @@ def felt_counts(traces: pd.DataFrame) -> pd.Series:
 
 
 def coupling_steps(traces: pd.DataFrame) -> pd.DataFrame:
-    """Mean coupling term of the pointwise model over a primitive, and its step from setting to setting.
+    """Mean coupling term of the pointwise model over a primitive, and its step between settings.
 
     One row per `primitive` and `setting_deg`: `mean`, `std` over the runs; `step` from the setting below with
-    its 95 % interval `low`, `high` (Welch, runs are independent).
+    its 95 % interval `low`, `high` (Welch; runs are independent).
     """
     fed, tilts = matching(traces, model=POINTWISE), settings(traces)
     each = fed.groupby(["primitive", "setting_deg", "run"])["coupling"].mean()
@@ -225,7 +225,7 @@ def nmse_beside_published(errors: pd.DataFrame, stored: Stored, published: Mappi
 
 
 def path_comparison(path_errors: pd.DataFrame, stored: Stored) -> pd.DataFrame:
-    """Errors of the unrolled path, pointwise beside unrolled, in training settings and others.
+    """Errors of the unrolled path of the pointwise and the unrolled model, in training settings and others.
 
     One row per `primitive` and `seen`: `count` of demonstrations, mean and std of both models, the mean
     paired difference `lower_deg` (pointwise minus unrolled), and the `verdict` on the unrolled model.
@@ -252,7 +252,7 @@ def moments(run: Demonstration) -> list[int]:
 
 
 def hand_readings(runs: Sequence[Demonstration], axis: np.ndarray) -> pd.DataFrame:
-    """Mean and std over runs of the hand's roll in degrees, 0 flat on a level board; a row per moment."""
+    """Mean and std over runs of the hand's roll in degrees (0: flat on a level board), a row per moment."""
     readings = pd.DataFrame([hand_roll_deg(run, axis)[moments(run)] for run in runs])
     return pd.DataFrame({"mean": readings.mean(), "std": readings.std()})
 
@@ -260,7 +260,7 @@ def hand_readings(runs: Sequence[Demonstration], axis: np.ndarray) -> pd.DataFra
 def hand_rolls(
     executed: Mapping[str, Sequence[Demonstration]], setting_deg: float, stored: Stored, published: Mapping
 ) -> pd.DataFrame:
-    """Figure IV.17: rolls of the hand in degrees; the protractor's stand beside those at the same tilt."""
+    """Figure IV.17: rolls of the hand in degrees, with the protractor's readings at the same tilt."""
     columns = ["start", *(f"end of {name}" for name in stored.names)]
     rows = []
     if setting_deg == published["setting_deg"]:
@@ -274,10 +274,10 @@ def hand_rolls(
 
 
 def curves(history: pd.DataFrame) -> pd.DataFrame:
-    """Figure IV.19: cost over the iterations, of the rollouts that did not fail.
+    """Figure IV.19: cost over the iterations, for the rollouts that did not fail.
 
     One row per `primitive`, `iteration` and `kind`: `mean`, `std`, `low`, `high` (extremes) of the
-    accumulated cost in rad, `count` of rollouts, `norm_rad` (mean), and `failed` ones.
+    accumulated cost in rad, `count` of rollouts, mean `norm_rad`, and number of `failed` ones.
     """
     failed = history["fault"] != ""
     grouped = history.assign(failed=failed).groupby(["primitive", "iteration", "kind"], sort=False)
@@ -293,19 +293,19 @@ def curves(history: pd.DataFrame) -> pd.DataFrame:
 
 
 def curve(table: pd.DataFrame, primitive: str, kind: str = FEEDBACK) -> pd.DataFrame:
-    """Rows of `curves` by iteration; with the network they begin before the refinement."""
+    """Rows of `curves` by iteration; rollouts with the network begin before the refinement."""
     return matching(table, primitive=primitive, kind=kind).set_index("iteration")
 
 
 def kept(table: pd.DataFrame, primitive: str) -> int:
-    """Iteration whose network is kept: fewest failures, then lowest mean cost; `table`: of `curves`."""
+    """Iteration whose network is kept: fewest failures, then lowest mean cost; `table`: from `curves`."""
     return int(curve(table, primitive).sort_values(["failed", "mean"]).index[0])
 
 
 def later_gain(table: pd.DataFrame, primitive: str) -> float:
-    """Share of the cost before that the best iteration gains after `PUBLISHED_ITERATIONS`.
+    """Gain of the best iteration after `PUBLISHED_ITERATIONS`, as a share of the cost before it.
 
-    Negative where all later ones cost more; NaN where there is none. `table`: of `curves`.
+    Negative if all later ones cost more; NaN if there is none. `table`: from `curves`.
     """
     cost = curve(table, primitive)["mean"]
     later = cost[cost.index > PUBLISHED_ITERATIONS]
@@ -313,11 +313,11 @@ def later_gain(table: pd.DataFrame, primitive: str) -> float:
 
 
 def progress(history: pd.DataFrame) -> pd.DataFrame:
-    """What every iteration gained, in pairs: numbered runs meet equal conditions in all iterations.
+    """Gain of every iteration, paired: equally numbered runs have equal conditions in all iterations.
 
-    One row per `primitive` and `iteration` from 1: mean paired difference `lower_rad` to the iteration before
-    and `since_lower_rad` to iteration `PUBLISHED_ITERATIONS` (missing up to it), each with half width and
-    verdict.
+    One row per `primitive` and `iteration` from 1: mean paired difference `lower_rad` to the previous
+    iteration, and `since_lower_rad` to iteration `PUBLISHED_ITERATIONS` (missing up to it), each with half
+    width and verdict.
     """
     rows = []
     for name in history["primitive"].unique():
@@ -333,11 +333,11 @@ def progress(history: pd.DataFrame) -> pd.DataFrame:
 
 
 def between(scores: pd.DataFrame, stored: Stored) -> pd.DataFrame:
-    """Whether a tilt that was never seen costs between its neighbours.
+    """Whether the cost at a tilt that was never seen lies between those at its neighbours.
 
     One row per `primitive`, `model` (before, after) and `setting_deg`: `below_deg`, `above_deg`, the nearest
-    tilts; `mean`, `mean_below`, `mean_above` in rad; the `verdict` on both margins, of which the less
-    favourable one counts. Intervals are Welch's: runs at different tilts are no pairs.
+    tilts; `mean`, `mean_below`, `mean_above` in rad; the `verdict` on both margins, decided by the less
+    favourable one. Intervals are Welch's, because runs at different tilts are not paired.
     """
     tilts, rows = settings(scores, tilted=True), []
     for below, setting, above in zip(tilts, tilts[1:], tilts[2:], strict=False):
@@ -355,7 +355,7 @@ def between(scores: pd.DataFrame, stored: Stored) -> pd.DataFrame:
 
 
 def faults(history: pd.DataFrame) -> pd.DataFrame:
-    """Rollouts that failed: `primitive`, `fault` with its numbers left out, `rollouts`."""
+    """Failed rollouts: `primitive`, `fault` without its numbers, `rollouts`."""
     failed = history[history["fault"] != ""]
     kinds = failed["fault"].map(lambda fault: re.sub(r"\d+(\.\d+)?", "…", fault)).rename("fault")
     return failed.groupby(["primitive", kinds], sort=False).size().rename("rollouts").reset_index()
@@ -372,10 +372,10 @@ def searches(search: pd.DataFrame) -> pd.DataFrame:
 
 
 def ends_of_searches(search: pd.DataFrame, found: pd.DataFrame) -> pd.DataFrame:
-    """Where the searches ended, by `primitive` and `method`.
+    """Final results of the searches, by `primitive` and `method`.
 
     The last rows `found` by `searches`, with `seeds` (number of searches), `updates` and `failed` (rollouts)
-    of all, `start_rad`, the cost of the policy that they began with, and `best_rad`, of the best rollout.
+    of all, `start_rad`, the cost of the initial policy, and `best_rad`, that of the best rollout.
     """
     keys = ["primitive", "method"]
     begun = search[search["update"] == 0].groupby(keys)
@@ -391,7 +391,7 @@ def ends_of_searches(search: pd.DataFrame, found: pd.DataFrame) -> pd.DataFrame:
 
 
 def welch(first: np.ndarray, second: np.ndarray) -> Evidence:
-    """Mean of first minus second of independent runs, with Welch's interval; none of a single run."""
+    """Mean of first minus second for independent runs, with Welch's interval; none for a single run."""
     from scipy import stats
 
     value, count = float(np.mean(first) - np.mean(second)), min(len(first), len(second))
@@ -402,7 +402,7 @@ def welch(first: np.ndarray, second: np.ndarray) -> Evidence:
 
 
 def gain(difference: pd.Series) -> tuple[float, float, str]:
-    """Mean of paired differences, its half width and verdict; pairs of which one failed are left out."""
+    """Mean of paired differences, half width and verdict; pairs with a failed run are left out."""
     known = difference.dropna().to_numpy()
     lower, half_width = mean_interval(known) if len(known) else (np.nan, np.nan)
     return lower, half_width, str(verdict(lower - half_width, lower + half_width))
@@ -417,7 +417,7 @@ WORDS: Mapping[str, Mapping[Any, str]] = {
     "seen": {True: "learned from", False: "never learned from"},
     "stopping": {"validation": "validation", "generalization": "the one left out"},
 }
-"""By column, what is written for a key; names are those of figures and recordings."""
+"""Names for keys by column, as in figures and recordings."""
 
 DECIMALS = {
     2: "spread_mm distance_mm gain_mm low_mm high_mm mean_mm mean_deg end_deg ratio reproduction_deg "
@@ -459,18 +459,18 @@ HEADINGS = {
 
 
 def tables(frames: Frames) -> dict[str, Table]:
-    """Tables that have any rows, as they are shown."""
+    """Formatted tables, without empty ones."""
     return {name: _shown(frame) for name, frame in frames.items() if len(frame)}
 
 
 def _shown(frame: pd.DataFrame) -> Table:
-    """A table with names for keys and headings; rows of the method that is used below are bold."""
+    """A table with names for keys and headings; rows of the method whose cuts are used are bold."""
     headings = {name: HEADINGS.get(name, _heading(name)) for name in frame.columns}
     strong = frozenset(place for place, one in enumerate(frame.get("method", ())) if one == RESULT)
     return Table(frame, FORMATS, headings, strong, WORDS)
 
 
 def _heading(column: str) -> str:
-    """`mean_ms` as `mean (ms)`."""
+    """Heading of a column, e.g. `mean (ms)` for `mean_ms`."""
     name, _, unit = column.rpartition("_")
     return f"{name.replace('_', ' ')} ({UNITS[unit]})" if name and unit in UNITS else column.replace("_", " ")

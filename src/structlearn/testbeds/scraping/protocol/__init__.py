@@ -1,1 +1,1 @@
-"""What is run on the board, and how it is scored."""
+"""Executions on the board, and their scores."""

@@ -33,13 +33,13 @@ from structlearn.testbeds.scraping.protocol.execution_scores import orientation_
 from structlearn.testbeds.scraping.protocol.executions import Bench, Run, execute_run, read_bench
 from structlearn.testbeds.scraping.world.testbed import TestbedParameters
 
-REFINED = 4  # First number of a rollout's seed: what the run is for
+REFINED = 4  # first number of a rollout's seed, by the purpose of the run
 FAILURES = (ValueError, ArithmeticError, np.linalg.LinAlgError)  # InputError is a ValueError
-"""What a diverging run may raise; errors of the program itself are not hidden."""
+"""Errors of diverging runs; bugs are not hidden."""
 
 DIVERGED_RAD = np.pi / 2
-"""Cost from which a run has diverged. The simulator bounds a diverging robot, so its signals stay finite, and
-its cost would make all others look alike."""
+"""Cost above which a run has diverged. The simulator bounds a diverging robot, so its signals stay finite,
+and its cost would make all others look alike."""
 
 
 class BoardRefinementParameters(RefinementParameters, NetworkParameters):
@@ -61,13 +61,13 @@ Networks = Mapping[str, CouplingModel]
 class Board(Bench):
     """One primitive of the scraping task on a board of one tilt (`refinement.Environment`).
 
-    The robot executes the primitives up to this one and stops; those before it run with their own networks.
+    The robot executes the primitives up to this one and stops; earlier ones run with their own networks.
     """
 
     preceding: Networks  # networks of the primitives before this one
-    name: str  # of the primitive that is refined
+    name: str  # primitive that is refined
     setting_deg: float  # roll of the board
-    with_samples: bool = True  # whether rollouts have samples; a search needs costs alone
+    with_samples: bool = True  # whether rollouts include samples; a search needs only costs
 
     @property
     def rate_hz(self) -> float:
@@ -75,12 +75,12 @@ class Board(Bench):
         return self.clock.rate_hz
 
     def of(self, name: str, networks: Networks) -> "Board":
-        """The board for another primitive, before which the others run with these networks."""
+        """The board for another primitive, with these networks for the earlier ones."""
         before = [primitive.name for primitive in self.skill.primitives[: self.skill.index(name)]]
         return replace(self, name=name, preceding={one: networks[one] for one in before if one in networks})
 
     def rollouts(self, networks: Sequence[CouplingModel], seeds: Sequence[tuple[int, ...]]) -> list[Rollout]:
-        """Execute once per network, in processes; a run that fails is reported in its rollout."""
+        """Execute once per network, in processes; failures are reported in the rollouts."""
         work = [(self, network, seed) for network, seed in zip(networks, seeds, strict=True)]
         return parallel_map(_rollout, work, f"rollouts of {self.name}", lost=_lost)
 
@@ -96,7 +96,7 @@ class Board(Bench):
     def judged(self, recording: Recording) -> Rollout:
         """Cost per tick of an execution, and its supervised data.
 
-        Raises InputError: it has diverged: a signal is not finite, or the tool is off by `DIVERGED_RAD`.
+        Raises InputError: it diverged: a signal is not finite, or the tool is off by `DIVERGED_RAD`.
         """
         run, own = synchronise(recording, self.clock.rate_hz, self.clock.max_gap_s), self.supervision
         cost = orientation_cost(run, self.nominal)
@@ -135,9 +135,9 @@ def read_board(
     testbed: TestbedParameters,
     clock: ClockParameters,
 ) -> tuple[Board, dict[str, CouplingDataset]]:
-    """The board that is refined on, for the first primitive with feedback; see `read_bench`.
+    """The board at the refined tilt, for the first primitive with feedback; see `read_bench`.
 
-    Demonstrations are of the training settings.
+    Demonstrations are those in the training settings.
     """
     bench, datasets = read_bench(data, refined.settings_deg, supervision, testbed, clock)
     own, first = vars(bench), supervision.primitives[0]
@@ -152,14 +152,14 @@ def refine_on_board(
 ) -> tuple[Networks, Networks, dict[str, pd.DataFrame]]:
     """Learn the models from demonstrations, then refine them in order of time.
 
-    While a primitive is refined, those before it run with their refined models. `board`: tilted as it is
-    refined on; its name and preceding networks are replaced. `datasets`: demonstrations of the training
-    settings by primitive. `report`: called with the primitive's name after every iteration.
+    While a primitive is refined, earlier ones run with their refined models. `board`: at the refined tilt;
+    its name and preceding networks are replaced. `datasets`: demonstrations in the training settings, by
+    primitive. `report`: called with the primitive's name after every iteration.
 
-    Returns networks by primitive before and after, and tables with a column `primitive`: `history` (of
-    `refinement.history_rows`), `rollouts` (of `refinement.sample_rows`) and `policies` (weights of the
-    open-loop rollouts). Raises InputError: a primitive to be refined has no demonstrations, or too many
-    rollouts fail.
+    Returns networks by primitive before and after, and tables with a column `primitive`: `history` (from
+    `refinement.history_rows`), `rollouts` (from `refinement.sample_rows`) and `policies` (weights of the
+    open-loop rollouts). Raises InputError: a primitive to refine has no demonstrations, or too many rollouts
+    fail.
     """
     if unknown := sorted(set(parameters.exploration) - set(datasets)):
         raise InputError(f"refine.exploration names {', '.join(unknown)}: no primitive with corrections")
@@ -196,7 +196,7 @@ def _learned(work: tuple[CouplingDataset, BoardRefinementParameters]) -> Couplin
 def _with_executions(
     board: Board, demonstrations: CouplingDataset, parameters: BoardRefinementParameters
 ) -> CouplingDataset:
-    """Demonstrations, executions of their mean in every setting, and executions on the level board."""
+    """Demonstrations, executions of their mean policy in every setting, and executions on the level board."""
     known = [
         (float(setting), open_loop_weights(demonstrations.where(demonstrations.setting == setting)))
         for setting in np.unique(demonstrations.setting)

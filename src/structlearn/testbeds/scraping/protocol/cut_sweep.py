@@ -1,4 +1,4 @@
-"""How errors of cut points grow with the simulated demonstrator's noise, and what down-sampling does."""
+"""Sweeps over the simulated demonstrator's noise and over down-sampling: effect on cut points."""
 
 from collections.abc import Sequence
 from dataclasses import replace
@@ -46,11 +46,11 @@ COLUMNS = ["noise_mm", "seed", "demonstration", "primitive", "method", "start_er
 def noise_sweep(
     parameters: SweepParameters, simulation: DemonstratorParameters, segmentation: SegmentParameters
 ) -> pd.DataFrame:
-    """Cut errors of all methods at every noise level, for people who move in the same way at every level.
+    """Cut errors of all methods at every noise level; people move in the same way at every level.
 
-    Returns errors as of `cut_errors`, with `noise_mm` and `seed`; a demonstration that could not be cut has
-    one row with method `left_out`; without a reference that is all of them. Raises InputError: the
-    segmentation is not for the simulated task.
+    Returns errors as `cut_errors`, with `noise_mm` and `seed`; a demonstration that could not be cut has one
+    row with method `left_out` (without a reference, all have). Raises InputError: the segmentation is not for
+    the simulated task.
     """
     task = len(simulation.durations_s)
     if (count := len(segmentation.primitives)) != task:
@@ -67,7 +67,7 @@ def downsampling_sweep(
 ) -> pd.DataFrame:
     """`cut_errors.downsampling_effect` for every person of the sweep, with the demonstrator's own noise.
 
-    Returns one row per person and factor, with `seed`; none of a person whose reference cannot be cut.
+    Returns one row per person and factor, with `seed`; none for a person whose reference cannot be cut.
     """
     tolerant = segmentation.model_copy(update={"skip_failures": True})
     factors = parameters.downsampling
@@ -89,7 +89,7 @@ def _downsampled(
 def _cut_errors(
     seed: int, levels: Sequence[float], simulation: DemonstratorParameters, segmentation: SegmentParameters
 ) -> list[pd.DataFrame]:
-    """Rows of one person at each level; the noise is in proportion to it."""
+    """Rows of one person at each level; the noise is proportional to it."""
     movements = intended_movements(simulation.model_copy(update={"noise_mm": 1.0, "seed": seed}))
     tables = []
     for noise in levels:
@@ -101,7 +101,7 @@ def _cut_errors(
         try:
             cuts = cut(demonstrations, segmentation)
             found, left_out = [cut_errors(demonstrations, cuts)], cuts.left_out["demonstration"]
-        except InputError:  # the reference itself is lost in the noise, and all with it
+        except InputError:  # the reference is lost in the noise, and with it all others
             found, left_out = [], [demonstration.name for demonstration in demonstrations]
         missing = pd.DataFrame({"demonstration": left_out, "method": "left_out"})
         rows = pd.concat([*found, missing], ignore_index=True).assign(noise_mm=noise, seed=seed)

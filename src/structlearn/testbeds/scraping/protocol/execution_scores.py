@@ -1,6 +1,6 @@
-"""What executions on the board achieve, primitive by primitive (IV.9.3.5, fig. IV.17, IV.18, IV.20).
+"""Scores of executions on the board, primitive by primitive (IV.9.3.5, fig. IV.17, IV.18, IV.20).
 
-The cost of an execution is how far the tool is off its nominal orientation on the board (eq. IV.34):
+The cost of an execution is the angle of the tool from its nominal orientation on the board (eq. IV.34):
 
     J_t = | 2 log(Q_nr,t o Q_cr,t*) |        n: nominal run at 0 degrees, c: current run
 
@@ -25,21 +25,21 @@ from structlearn.readers.demonstration import Demonstration
 from structlearn.segmentation.segments import commanded_cuts
 from structlearn.testbeds.scraping.world.layout import tool_roll_deg
 
-NOMINAL = "nominal"  # Name of the executions without feedback
+NOMINAL = "nominal"  # executions without feedback
 BEFORE, AFTER = "before", "after"
-"""Names of the executions with feedback before and after refinement by trial."""
+"""Executions with feedback before and after refinement by trial."""
 
 END_S = 0.2  # s at the end of a primitive over which its final roll is taken
 SETTLED_S = 1.0
-"""s after the start of a primitive from which force is judged, since contact and correction are over; of a
-primitive shorter than twice this, force is judged in the second half."""
+"""s after the start of a primitive from which force is evaluated, after contact and correction; for a
+primitive shorter than twice this, its second half is used."""
 
 Runs = Mapping[float, Sequence[Demonstration]]
 """Executions with one model by setting in degrees."""
 
 
 class ExecutionParameters(Parameters):
-    """Settings in which the robot executes, and runs in each: corrected ones, or with a model."""
+    """Settings in which the robot executes, and number of runs in each."""
 
     settings_deg: tuple[float, ...] = Field(min_length=1)
     runs: int = Field(ge=1, le=1000)
@@ -54,15 +54,15 @@ def nominal_orientation(runs: Sequence[Demonstration]) -> np.ndarray:
     length = min(len(run.time) for run in runs)
     paths = np.stack([_tool_to_board(run)[:length] for run in runs], axis=1)  # (T, R, 4)
     aligned = np.where(np.sum(paths * paths[:, :1], axis=2, keepdims=True) < 0, -paths, paths)
-    # over a degree or two the normalised mean is the mean orientation
+    # for angles of a degree or two, the normalised mean is the mean orientation
     return quaternion.sign_continuous(quaternion.normalised(aligned.mean(axis=1)))
 
 
 def orientation_cost(run: Demonstration, nominal: np.ndarray) -> np.ndarray:
-    """Cost at every tick (eq. IV.34) of a run on the clock and with the durations of the nominal runs.
+    """Cost at every tick (eq. IV.34) of a run with the clock and durations of the nominal runs.
 
-    `nominal`: (T, 4) of `nominal_orientation`. Returns (T',) rad, T' the shorter of both. Raises InputError:
-    the run has no tool-to-board orientation.
+    `nominal`: (T, 4) from `nominal_orientation`. Returns (T',) rad, with T' the shorter of both. Raises
+    InputError: the run has no tool-to-board orientation.
     """
     current = _tool_to_board(run)
     length = min(len(current), len(nominal))
@@ -81,9 +81,9 @@ def execution_scores(
     """Scores of executions in one setting, for the primitives in `cuts`; `axis`: (3,) roll axis.
 
     One row per `run` and `primitive`: `cost_rad`, summed over its ticks (fig. IV.20); `mean_deg`, its mean;
-    `end_roll_deg`, roll of the tool relative to the board at the end, 0 when flat; `force_n`, downward force
-    once settled, and its std `force_std_n`; `roll_torque_mn_m`, of the board on the tool. Force and torque
-    are missing where no wrench was recorded.
+    `end_roll_deg`, roll of the tool relative to the board at the end, 0 if flat; `force_n`, downward force
+    once settled, and its std `force_std_n`; `roll_torque_mn_m`, torque of the board on the tool. Force and
+    torque are missing without a recorded wrench.
     """
     rows = []
     for run in runs:
@@ -112,9 +112,9 @@ def execution_scores(
 
 
 def cost_ratios(scores: pd.DataFrame, model: str, baseline: str = "nominal") -> pd.DataFrame:
-    """Accumulated cost with a model relative to a baseline; runs of equal name are pairs.
+    """Accumulated cost with a model relative to a baseline, paired by run name.
 
-    `scores`: rows of `scores` of both. Returns one row per `setting_deg`: `ratio` of the mean costs over all
+    `scores`: rows of `scores` for both. Returns one row per `setting_deg`: `ratio` of the mean costs over all
     scored primitives, and the mean paired difference `lower_rad` (baseline minus model) with the half width
     of its 95 % interval.
     """
@@ -130,9 +130,9 @@ def cost_ratios(scores: pd.DataFrame, model: str, baseline: str = "nominal") -> 
 def scores(
     model: str, runs: Runs, primitives: Sequence[str], nominal: np.ndarray, parameters: SupervisionParameters
 ) -> pd.DataFrame:
-    """Rows of `execution_scores` with `model` and `setting_deg`, of the primitives with feedback.
+    """Rows of `execution_scores` with `model` and `setting_deg`, for the primitives with feedback.
 
-    `primitives`: names of all that were commanded. `nominal`: (T, 4) of `nominal_orientation`.
+    `primitives`: names of all commanded primitives. `nominal`: (T, 4) from `nominal_orientation`.
     """
     tables = []
     for setting, group in runs.items():
@@ -151,7 +151,7 @@ def traces(
     expected: Mapping[str, VectorPrimitive],
     parameters: SupervisionParameters,
 ) -> pd.DataFrame:
-    """Sensor deviations in executions, and the coupling term that a model's networks make of them.
+    """Sensor deviations in executions, and the coupling terms of a model's networks for them.
 
     One row per sample of every primitive with feedback: `setting_deg`, `run`, `time_s` since its start,
     `coupling` (0 without a network), `channel_00`, ..., `model` and `primitive`.

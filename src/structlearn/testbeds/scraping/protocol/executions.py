@@ -1,7 +1,7 @@
 """Executions by the robot as recordings: nominal, corrected by a person, or with feedback.
 
-Every run draws what differs between runs of a real set-up from its own seed, so any run can be repeated
-alone, bit for bit, and the number of processes does not matter.
+Every run draws its variations from its own seed, so any run can be repeated alone, bit for bit, and results
+do not depend on the number of processes.
 """
 
 import time
@@ -37,7 +37,7 @@ from structlearn.testbeds.scraping.world.corrector import corrector
 from structlearn.testbeds.scraping.world.execution import Engine, execute
 from structlearn.testbeds.scraping.world.testbed import TestbedParameters, recorded, run_conditions
 
-HOLD_S = 0.3  # s that the robot waits at the end of an execution, so that all streams cover its last sample
+HOLD_S = 0.3  # s of waiting at the end of an execution, so that all streams cover its last sample
 
 
 @dataclass(frozen=True)
@@ -46,13 +46,13 @@ class Run:
 
     name: str
     setting_deg: float  # roll of the board
-    # entropy of the run beside the testbed's seed; runs with equal seeds meet equal conditions
+    # entropy of the run besides the testbed's seed; runs with equal seeds have equal conditions
     seed: tuple[int, ...]
-    corrected: bool = False  # whether a person corrects roll while the robot gives way
-    feedback: bool = False  # whether the skill's networks act
+    corrected: bool = False  # whether a person corrects roll while the robot is compliant
+    feedback: bool = False  # whether the skill's networks are active
 
 
-NOMINAL, CORRECTED, EVALUATED = 1, 2, 3  # First number of a run's seed: what the run is for
+NOMINAL, CORRECTED, EVALUATED = 1, 2, 3  # first number of a run's seed, by its purpose
 
 
 def nominal_runs(count: int) -> list[Run]:
@@ -61,17 +61,17 @@ def nominal_runs(count: int) -> list[Run]:
 
 
 def corrected_runs(settings_deg: Sequence[float], count: int) -> list[Run]:
-    """Executions that a person corrects, `count` per setting, setting by setting."""
+    """Executions corrected by a person, `count` per setting, setting by setting."""
     return _runs(CORRECTED, settings_deg, count, corrected=True)
 
 
 def evaluation_runs(settings_deg: Sequence[float], count: int, feedback: bool) -> list[Run]:
-    """Executions without or with feedback, setting by setting; the n-th of both meet equal conditions."""
+    """Executions without or with feedback, setting by setting; the n-th of both have equal conditions."""
     return _runs(EVALUATED, settings_deg, count, feedback=feedback)
 
 
 def _runs(purpose: int, settings_deg: Sequence[float], count: int, **how: bool) -> list[Run]:
-    """Negative tilts have seeds of their own, as whole numbers of tenths of a degree."""
+    """Runs of all settings; seeds contain the tilt in tenths of a degree plus 10 000, to be positive."""
     return [
         Run(f"{number + 1:02d}", setting, (purpose, 10_000 + round(10 * setting), number), **how)
         for setting in settings_deg
@@ -114,7 +114,7 @@ def execute_run(
     pose = start.position, quaternion.matrix(start.orientation)
     log = execute(testbed.world, controller, pose, ticks, conditions, own, fingers, wrist_rng, person, engine)
     switches = np.flatnonzero(np.diff(log.primitive)) + 1
-    edges = np.array([0.0, *(switches / rate_hz), duration])  # the hold at the end belongs to no primitive
+    edges = np.array([0.0, *(switches / rate_hz), duration])  # excludes the hold at the end
     segments = np.column_stack([edges[:-1], edges[1:]])
     kind = "corrected by a person" if run.corrected else "with feedback" if run.feedback else "nominal"
     seed = " ".join(map(str, [testbed.seed, *run.seed]))
@@ -129,13 +129,13 @@ def _execute(work: tuple[Run, int], skill: ReactiveSkill, testbed: TestbedParame
 
 @dataclass(frozen=True)
 class Bench:
-    """The task on the board, as the stages that execute and score it know it."""
+    """The task on the board, for stages that execute and score it."""
 
     skill: ReactiveSkill  # primitives, expected traces and limits of the whole task, without networks
-    nominal: np.ndarray  # (T, 4) of `nominal_orientation`
-    supervision: SupervisionParameters  # how executions become supervised data
+    nominal: np.ndarray  # (T, 4) from `nominal_orientation`
+    supervision: SupervisionParameters  # for the supervised data of executions
     testbed: TestbedParameters
-    clock: ClockParameters  # on which executions are judged
+    clock: ClockParameters  # clock of the scores
 
 
 def read_bench(
@@ -145,10 +145,10 @@ def read_bench(
     testbed: TestbedParameters,
     clock: ClockParameters,
 ) -> tuple[Bench, dict[str, CouplingDataset]]:
-    """The task as it was learned, and its corrected demonstrations by primitive, in some settings or in all.
+    """The task as learned, and its corrected demonstrations by primitive, in some settings or in all.
 
-    Their coupling terms bound those of the feedback. Raises InputError: a file is missing or not readable, or
-    a setting was not recorded.
+    Their coupling terms bound those of the feedback. Raises InputError: a file is missing or unreadable, or a
+    setting was not recorded.
     """
     files = ScrapingFiles(Path(data))
     datasets = read_datasets(files.data / "feedback/scraping/dataset", settings_deg)
@@ -168,9 +168,9 @@ def evaluate(
     parameters: ExecutionParameters,
     folder: Path,
 ) -> tuple[pd.DataFrame, pd.DataFrame]:
-    """Execute a skill with the networks of every model in every setting; equal numbers meet equal conditions.
+    """Execute a skill with the networks of every model in every setting; equal numbers have equal conditions.
 
-    `models`: networks by model and primitive; none without feedback. Writes the runs to
+    `models`: networks by model and primitive; empty without feedback. Writes the runs to
     `folder/<model>/<setting>.parquet`; returns scores and traces of all models, see `execution_scores`.
     """
     skill, own, count = bench.skill, bench.supervision, parameters.runs
@@ -190,7 +190,7 @@ def evaluate(
     return pd.concat(scores, ignore_index=True), pd.concat(traces, ignore_index=True)
 
 
-WARM_UP_RUNS = 1  # Runs before those that count: the first one compiles, or loads what was compiled
+WARM_UP_RUNS = 1  # uncounted runs before the others: the first one compiles or loads compiled code
 STANDARD_RUN_S = 10.0  # s of movement to which the cost of a run is scaled
 
 
@@ -203,7 +203,7 @@ class TimingParameters(Parameters):
 
 
 def controller_latency(skill: ReactiveSkill, parameters: TimingParameters) -> Metrics:
-    """Time ticks of the controller with feedback: `controller_tick_us_median`, `..._p99`, `..._max`."""
+    """Tick times of the controller with feedback: `controller_tick_us_median`, `..._p99`, `..._max`."""
     controller, start = Controller(skill, parameters.controller_hz), default_start(skill.primitives)
     samples = np.random.default_rng(0).normal(0.0, 10.0, (1000, skill.channels))
     microseconds = np.zeros(parameters.ticks)

@@ -1,6 +1,6 @@
 """Recordings of executions on the tilted board: with and without feedback, before and after refinement.
 
-Shown is the first of each kind in every setting.
+The first run of each kind is shown in every setting.
 """
 
 from collections.abc import Mapping, Sequence
@@ -76,11 +76,11 @@ FINGERS = """**In 3-D**: the line is the path of the tool's edge.
 felt; orange is above, light blue below, grey as expected."""
 
 URDF = Path(pybullet_data.getDataPath()) / "kuka_iiwa" / "model.urdf"
-"""Of the arm with its meshes, among the data that PyBullet brings."""
+"""URDF of the arm with its meshes, from PyBullet's data."""
 
-JOINTS = tuple(f"lbr_iiwa_joint_{number}" for number in range(1, 8))  # Of the columns of joint positions
+JOINTS = tuple(f"lbr_iiwa_joint_{number}" for number in range(1, 8))  # columns of the joint positions
 PALE = {RUNS[BEFORE].name: RUNS[AFTER].name}
-"""What was done before refinement is the shadow of what is done after it, as in figure IV.21."""
+"""The run before refinement is the pale shadow of the run after it, as in figure IV.21."""
 
 
 def write_executions(
@@ -89,13 +89,13 @@ def write_executions(
     title: str = "Executions",
     refinement: tuple[pd.DataFrame, pd.DataFrame] | None = None,
 ) -> None:
-    """Write executions as a recording: a tab per setting with its runs in 3-D, electrodes and signals.
+    """Write executions as a recording: one tab per setting with its runs in 3-D, electrodes and signals.
 
     `settings`: executions of different kinds by roll of the board in degrees; the first tab is opened.
-    `refinement`: history and samples as of `search_recording.searches`, for a tab per refined primitive.
+    `refinement`: history and samples for `search_recording.searches`, for one tab per refined primitive.
     """
     every = [one for group in settings.values() for one in group]
-    scale = full_scale(every)  # colours of electrodes are comparable among all settings
+    scale = full_scale(every)  # common colour scale of electrodes in all settings
     note = FEEDBACK_NOTE if refinement is None else REFINEMENT_NOTE
     with rrd.recording(path, title) as stream:
         rrd.send_notes(stream, _notes(note, next(iter(settings.values()))))
@@ -112,7 +112,7 @@ def write_executions(
 def write_robot(path: str | Path, one: Execution, title: str = "Robot") -> None:
     """Write an execution by the robot as a recording.
 
-    Raises ValueError: the run has no joint positions, or not as many as the arm has joints.
+    Raises ValueError: the run has no joint positions, or not one per joint of the arm.
     """
     angles = one.run.joint_positions
     if angles is None or angles.shape[1] != len(JOINTS):
@@ -128,7 +128,7 @@ def write_robot(path: str | Path, one: Execution, title: str = "Robot") -> None:
         moved = np.degrees(angles[one.kept] - angles[0])
         rrd.send_series(stream, "joints", [times], moved, names, colours)
 
-        # the arm from the side that the tool does not turn to
+        # view the arm from the side that the tool does not turn to
         target, offset = np.array([0.57 * CONTACT_M[0], 0.0, 0.4]), 1.3 * np.array([0.45, -0.85, 0.3])
         heading = f"{title}{rrd.origin_label([one.run])}"
         details = rrb.Horizontal(
@@ -146,7 +146,7 @@ def write_robot(path: str | Path, one: Execution, title: str = "Robot") -> None:
 
 
 def _notes(text: str, executions: Sequence[Execution]) -> str:
-    """A panel's text: what is shown, its origin, the colours of the runs, and how to read the rest."""
+    """Text of a panel: content, origin, colours of the runs, and how to read the rest."""
     colours = rrd.legend({one.look.name: one.look.colour for one in executions})
     origin = rrd.origin_sentence([one.run for one in executions])
     return f"{text}\n**{origin}**\n\n{colours}\n\n{FINGERS}"
@@ -155,7 +155,7 @@ def _notes(text: str, executions: Sequence[Execution]) -> str:
 def _send_setting(
     stream: rr.RecordingStream, tab: str, group: Sequence[Execution], scale: float
 ) -> rrb.Horizontal:
-    """Log the executions of one setting, and return its tab."""
+    """Log the executions of one setting. Returns its tab."""
     names = [one.look.name for one in group]
     shadows = {pale: of for pale, of in PALE.items() if {pale, of} <= set(names)}
     for one in group:
@@ -173,7 +173,7 @@ def _send_setting(
     left = rrb.Vertical(
         rrb.Horizontal(*scenes), rrb.Horizontal(*maps), rrd.notes_view(), row_shares=[10, 5, 7]
     )
-    segments = group[0].run.signal("true_segments")  # at the same times in every setting
+    segments = group[0].run.signal("true_segments")  # the same in every setting
     times = rrd.time_column(np.append(segments[:, 0], segments[-1, 1]))
     rrd.send_primitive_lane(stream, "primitive", [times], group[0].primitives)
     plots = rrb.Vertical(*send_signals(stream, tab, group), rrd.lanes(["primitive"]))
@@ -181,7 +181,7 @@ def _send_setting(
 
 
 NEEDED = ("orientation", "joint_positions", "wrench", "tool_to_board", "true_segments")
-"""Of a run that is shown."""
+"""Signals required of a shown run."""
 
 FEEDBACK_RUNS = {
     NOMINAL: (CLOSED_LOOP, NOMINAL),
@@ -189,14 +189,14 @@ FEEDBACK_RUNS = {
     POINTWISE: (CLOSED_LOOP, POINTWISE),  # trained as in the dissertation
 }
 REFINED_RUNS = {model: (REFINED, model) for model in (NOMINAL, BEFORE, AFTER)}
-"""Where the runs lie that a recording puts beside each other, for `ScrapingFiles.runs_at`."""
+"""Folder and model of the runs that a recording compares, for `ScrapingFiles.runs_at`."""
 
 
 def read_feedback_runs(files: ScrapingFiles) -> dict[float, list[Execution]]:
     """The first nominal, corrected and closed-loop run of every setting that has all three.
 
-    By roll of the board in degrees, the largest first; empty where nothing was executed. Raises InputError: a
-    file is not readable.
+    By roll of the board in degrees, the largest first; empty if nothing was executed. Raises InputError: a
+    file is unreadable.
     """
     traces = files.table("traces")
     if traces.empty:
@@ -208,7 +208,7 @@ def read_feedback_runs(files: ScrapingFiles) -> dict[float, list[Execution]]:
 
 
 def read_refined_runs(files: ScrapingFiles) -> dict[float, list[Execution]]:
-    """As `read_feedback_runs`, without feedback, before and after refinement by trial, with costs."""
+    """As `read_feedback_runs`: without feedback, and before and after refinement by trial, with costs."""
     traces = files.table("refined_traces")
     if traces.empty:
         return {}
@@ -225,7 +225,7 @@ def _read(
     traces: pd.DataFrame,
     nominal: np.ndarray | None = None,
 ) -> dict[float, list[Execution]]:
-    """Executions of the settings that have a complete run of every kind, with cost if nominal is known."""
+    """Executions of settings with a complete run of every kind, with cost if `nominal` is given."""
     path = files.data / "primitives/scraping/primitives.safetensors"
     primitives = [primitive.name for primitive in read_primitives(path)]
     shown = {}

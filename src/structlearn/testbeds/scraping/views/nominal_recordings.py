@@ -1,4 +1,4 @@
-"""Recordings of the movements over the level board: as demonstrated, as aligned, and as learned."""
+"""Recordings of the movements over the level board: demonstrations, alignment, learned primitives."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
@@ -33,7 +33,7 @@ LEARNED = """Thick: the primitives in turn, from and to the mean start and goals
 are axes: x red, y green, z blue."""
 
 SUNK_M = 0.002
-"""How far the board is drawn below where it is: the edge frame sinks into it while the tool is pressed on."""
+"""Offset of the drawn board below its true position, since the edge frame sinks into it under pressure."""
 
 
 def write_demonstrations(
@@ -58,11 +58,11 @@ def write_primitives(
 
 
 def _send_scenery(stream: rr.RecordingStream, hand: str) -> list[str]:
-    """Log the level board, and below the entity of a moving frame a hand with the tool; see `Scenery`."""
+    """Log the level board, and a hand with the tool below the entity of a moving frame; see `Scenery`."""
     stream.log("scenery", rr.Transform3D(translation=[0.0, 0.0, -SUNK_M]), static=True)
     send_board(stream, "scenery/board")
     send_hand(stream, hand)
-    grasp = rr.Transform3D(translation=[0.0, 0.0, -EDGE_M])  # where it is while nothing pulls at the tool
+    grasp = rr.Transform3D(translation=[0.0, 0.0, -EDGE_M])  # of the unloaded tool
     stream.log(f"{hand}/tool", grasp, static=True)
     send_tool(stream, f"{hand}/tool", SKIN)
     return ["/scenery/**"]
@@ -78,30 +78,30 @@ Bars are the cuts: above a curve by its own velocity alone, below it as they are
 line `demonstration` is another demonstration.
 """
 
-DEMONSTRATION = "demonstration"  # Time line on which each step is another demonstration
+DEMONSTRATION = "demonstration"  # timeline with one demonstration per step
 HIGHLIGHTED = 8
-"""Pairs of largest weight that are drawn bold, as many as in the text's figures IV.14 and IV.15."""
+"""Pairs with the largest weights, drawn bold; as many as in the text's figures IV.14 and IV.15."""
 
-SHOWN_PAIRS = 90  # Of all pairs, evenly spread: more of them merge into an area
+SHOWN_PAIRS = 90  # evenly spaced among all pairs; more would merge into an area
 WIDTH, HEIGHT, GAP = 32.0, 2.6, 2.4
-"""Size of the drawing: of the longest segment in time, of a curve, and between the two curves."""
+"""Size of the drawing: longest segment in time, height of a curve, gap between the two curves."""
 
 LEFT, MARGIN = 5.0, 2.4
-"""Room for the names left of the curves, and for cut points and time scales above and below them."""
+"""Space for names left of the curves, and for cut points and time scales above and below them."""
 
-BAR = 0.6  # Height of a bar that marks a cut, and of the name at its end
+BAR = 0.6  # height of a bar that marks a cut, and of the name at its end
 DROPPED = "#30353b"
-"""Colour of a pair without weight: just visible on the viewer's dark ground."""
+"""Colour of pairs without weight: just visible on the viewer's dark background."""
 
 
 @dataclass(frozen=True)
 class _Curve:
-    """Position along a primitive's axis over one extended segment, and where it is drawn."""
+    """Position along a primitive's axis over one extended segment, and its place in the drawing."""
 
     name: str  # of the demonstration
     time: np.ndarray  # (T,) s since the start of the demonstration
     height: np.ndarray  # (T,) in the drawing, downwards
-    top: float  # of the drawing
+    top: float  # upper edge in the drawing
     scale: float  # drawing units per s
 
     def points(self, times: np.ndarray) -> np.ndarray:
@@ -173,16 +173,16 @@ def _send_curve(
     segmentation: Segmentation,
     is_reference: bool = False,
 ) -> None:
-    """A curve with its name, its demonstration's time scale, and bars at its start and end.
+    """Log a curve with its name, its demonstration's time scale, and bars at its start and end.
 
-    Bars above are cut by crossings alone, bars below as used; the reference is used as cut by crossings.
+    Bars above mark cuts by crossings alone, bars below the cuts used (for the reference, by crossings).
     """
     path = rrd.entity(primitive, "reference" if is_reference else "guess")
     thinned = curve.time[:: rrd.thinning(float(curve.time[1] - curve.time[0]))]
     line = rr.LineStrips2D([curve.points(thinned)], colors=rrd.rgba([WHITE]), radii=-1.5)
     stream.log(f"{path}/curve", line, static=is_reference)
 
-    outside = -3 * BAR if is_reference else HEIGHT + 2 * BAR  # of the space between the curves
+    outside = -3 * BAR if is_reference else HEIGHT + 2 * BAR  # outside the space between the curves
     seconds = np.arange(np.ceil(2 * curve.time[0]), 2 * curve.time[-1]) / 2
     ticks = np.column_stack([curve.points(seconds)[:, 0], np.full(len(seconds), curve.top + outside)])
     places = [*ticks, [-0.5 * LEFT, curve.top + 0.4 * HEIGHT]]
@@ -197,7 +197,7 @@ def _send_curve(
         bars = ends[:, None, :] + np.array([[0.0, 0.0], [0.0, tip]])
         strips = rr.LineStrips2D(bars, colors=rrd.rgba([look.colour]), radii=-2.0)
         stream.log(f"{path}/{method}", strips, static=is_reference)
-        label_at = ends + np.array([0.0, tip if tip > 0 else 2 * tip])  # a label hangs below its point
+        label_at = ends + np.array([0.0, tip if tip > 0 else 2 * tip])  # labels hang below their point
         labels = texts(label_at, [look.name] * 2, [look.colour])
         stream.log(f"{path}/{method}/name", labels, static=is_reference)
 
@@ -210,7 +210,7 @@ def _send_pairs(
     lines = np.stack([reference.points(times[:, 0]), guess.points(times[:, 1])], axis=1)  # (K, 2, 2)
     shown = np.unique(np.linspace(0, len(lines) - 1, SHOWN_PAIRS).astype(int))
     bold = np.argsort(weights)[::-1][:HIGHLIGHTED]
-    share = weights[shown] ** 3  # most weights lie close to 1, where differences are to be seen
+    share = weights[shown] ** 3  # spreads the weights, most of which are close to 1
     thin = rr.LineStrips2D(
         lines[shown], colors=rrd.blended(share, (DROPPED, LIGHT_BLUE)), radii=-0.7, draw_order=-2.0
     )

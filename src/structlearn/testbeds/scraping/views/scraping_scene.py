@@ -1,8 +1,8 @@
-"""Executions in recordings: the tilted board, the hand that pinches the tool, what it feels, and plots.
+"""Scene of executions in recordings: tilted board, hand pinching the tool, electrodes, and plots.
 
-Frames as in the simulation, all with x along the pinch, y along the scraping direction and z along the
-fingers: `hand` is the recorded frame, where the tool's edge is while nothing pulls at it; the grasp lies
-between the finger tips, and the tool turns about it.
+Frames are as in the simulation, with x along the pinch, y along the scraping direction and z along the
+fingers: `hand` is the recorded frame, at the tool's edge while the grasp is unloaded; the grasp is between
+the fingertips, and the tool rotates about it.
 """
 
 from collections.abc import Sequence
@@ -24,22 +24,22 @@ from structlearn.viewer import rrd
 from structlearn.viewer.diagram import texts
 
 WRIST_M, FINGER_M = 0.06, 0.045
-"""From the end of the arm to the hand's root, and from the palm to the start of a finger's round tip."""
+"""From the end of the arm to the hand's root, and from the palm to the start of a finger's round tip, m."""
 
-BOARD_M = np.array([0.07, 0.14, 0.006])  # Size of the board's part that is drawn, in its own frame
+BOARD_M = np.array([0.07, 0.14, 0.006])  # size of the drawn part of the board, in its own frame
 GRIP_M, BLADE_M = np.array([0.02, 0.012, 0.02]), 0.0015
-"""Size of the tool between the finger tips, and thickness of its blade."""
+"""Size of the tool between the fingertips, and thickness of its blade."""
 
-EYE_M = 0.16  # From the camera to what it looks at
+EYE_M = 0.16  # distance of the camera
 BOARD, SKIN, SHADOW_OPACITY = "#39424e", "#6b7480", 0.3
-"""Colours of the board and of the hand, and opacity of what is drawn pale in the scene of another run."""
+"""Colours of the board and of the hand, and opacity of another run drawn in the same scene."""
 
 FULL_SCALE_QUANTILE = 0.995
-"""Share of the deviations within the colour scale: single electrodes would darken all others."""
+"""Share of the deviations within the colour scale; single electrodes would darken all others."""
 
-MAP_WIDTH, MAP_GAP = 24.0, 3.0  # mm that one finger takes in the flat picture, and between the two
+MAP_WIDTH, MAP_GAP = 24.0, 3.0  # mm, width of one finger in the flat picture, and gap between the two
 
-RATE_HZ = 50.0  # Poses, colours and samples of signals per second: smooth to the eye; they are most of a file
+RATE_HZ = 50.0  # poses, colours and signal samples per second: smooth to the eye; they are most of a file
 HEADINGS = {
     "roll on board": "roll of the tool on the board (degrees; 0 is flat)",
     "hand roll": "roll of the hand (degrees; grey: of the board)",
@@ -48,22 +48,21 @@ HEADINGS = {
     "force": "force on the board (N)",
     "torque": "roll torque of the board (mN m)",
 }
-"""Signals by name; the cost takes the place of the force where it is known."""
+"""Signals by name; the cost, if known, replaces the force."""
 
 
 @dataclass(frozen=True)
 class Execution:
-    """One run on the board, and what the feedback saw and did in it."""
+    """One run on the board, with the inputs and outputs of the feedback."""
 
-    look: Look  # name and colour of what kind of run it is
+    look: Look  # name and colour of the kind of run
     run: Demonstration  # with orientation, joint positions, wrench, tool-to-board orientation and segments
     board_deg: float  # roll of the board
-    primitives: Sequence[str]  # names, in order of `run.true_segments`
-    # what was felt and done in the primitives with feedback, columns `primitive`, `time_s` since its start,
-    # `coupling` (rad, about the roll axis) and `channel_00` ... (counts, what the electrodes read minus what
-    # they read in nominal runs).
+    primitives: Sequence[str]  # names, in the order of `run.true_segments`
+    # feedback in the primitives that have it: `primitive`, `time_s` since its start, `coupling` (rad, about
+    # the roll axis) and `channel_00` ... (counts, deviation of the electrodes from nominal runs)
     traces: pd.DataFrame
-    # (C,) rad, of the first C <= T samples of the run (eq. IV.34); None where it is not shown.
+    # (C,) rad, of the first C <= T samples of the run (eq. IV.34); None if not shown
     cost: np.ndarray | None = None
 
     @property
@@ -73,21 +72,21 @@ class Execution:
 
     @cached_property
     def felt(self) -> pd.DataFrame:
-        """(S, ...) the traces in order of time, with `time_s` since the start of the run."""
+        """Traces in order of time, with `time_s` since the start of the run."""
         starts = dict(zip(self.primitives, self.run.signal("true_segments")[:, 0], strict=True))
         since_start = self.traces["time_s"] + self.traces["primitive"].map(starts)
         return self.traces.assign(time_s=since_start).sort_values("time_s", kind="stable")
 
     @property
     def deviation(self) -> np.ndarray:
-        """(S, 38) counts, what the electrodes read minus what they read in nominal runs."""
+        """(S, 38) counts, deviation of the electrodes from nominal runs."""
         return self.felt.filter(regex="^channel_").to_numpy(float)
 
     @property
     def signals(self) -> dict[str, tuple[np.ndarray, np.ndarray]]:
         """Plotted signals by name as in `HEADINGS`: times (N,) in s, and values (N,)."""
         run, kept, wrench = self.run, self.kept, self.run.signal("wrench")
-        before = run.time[:1]  # without feedback, so that all plots begin together
+        before = run.time[:1]  # without feedback; makes all plots begin together
         signals = {
             "roll on board": (run.time[kept], layout.tool_roll_deg(run)[kept]),
             "hand roll": (run.time[kept], layout.hand_roll_deg(run)[kept]),
@@ -103,7 +102,7 @@ class Execution:
 def send_signals(
     stream: rr.RecordingStream, parent: str, executions: Sequence[Execution]
 ) -> list[rrb.TimeSeriesView]:
-    """Log the signals of executions in one setting below a parent, and the board's roll."""
+    """Log the signals of executions in one setting below a parent entity, and the board's roll."""
     for one in executions:
         for kind, (times, values) in one.signals.items():
             rrd.send_curve(
@@ -119,10 +118,10 @@ def send_signals(
 def send_scene(
     stream: rr.RecordingStream, path: str, one: Execution, scale: float, shadow: bool = False
 ) -> None:
-    """Log board, path, moving hand with its electrodes, and the tool as it turns between the fingers.
+    """Log board, path, moving hand with its electrodes, and the tool as it rotates between the fingers.
 
-    `scale`: of `full_scale`. `shadow`: only hand and tool, pale and in the run's colour, without electrodes,
-    which would hide those of another hand.
+    `scale`: from `full_scale`. `shadow`: only hand and tool, pale and in the run's colour, without
+    electrodes, which would hide those of the other hand.
     """
     times, colour = [rrd.time_column(one.run.time[one.kept])], one.look.colour
     position, orientation = one.run.position[one.kept], one.run.signal("orientation")[one.kept]
@@ -145,7 +144,7 @@ def send_scene(
 
 
 def send_board(stream: rr.RecordingStream, path: str, board_deg: float = 0.0) -> None:
-    """Log the board, tilted about its axis, with its top where the tool meets it."""
+    """Log the board, tilted about its axis, with its top at the contact with the tool."""
     turn = rr.Quaternion(xyzw=quaternion.to_xyzw(layout.board_orientation(board_deg)))
     pose = rr.Transform3D(translation=layout.CONTACT_M, quaternion=turn)
     stream.log(path, pose, static=True)
@@ -154,9 +153,9 @@ def send_board(stream: rr.RecordingStream, path: str, board_deg: float = 0.0) ->
 
 
 def send_hand(stream: rr.RecordingStream, path: str, skin: str = SKIN, opacity: float = 1.0) -> None:
-    """Log the palm and the fingers below the entity of the hand's frame, with which they move."""
+    """Log the palm and the fingers below the entity of the moving hand frame."""
     outwards = 1e-3 * (PAD_DISTANCE_MM + SKIN_RADIUS_MM)
-    tips = -layout.EDGE_M - 1e-3 * np.array(HOME_MM)  # where the round tips start, along z
+    tips = -layout.EDGE_M - 1e-3 * np.array(HOME_MM)  # start of the round tips along z
     fingers = rr.Capsules3D(
         lengths=[FINGER_M] * 2,
         radii=[1e-3 * SKIN_RADIUS_MM] * 2,
@@ -174,7 +173,7 @@ def send_hand(stream: rr.RecordingStream, path: str, skin: str = SKIN, opacity: 
 def send_tool(
     stream: rr.RecordingStream, path: str, colour: str, grip: str = WHITE, opacity: float = 1.0
 ) -> None:
-    """Log what the fingers hold of the tool, its blade and its edge below the entity of the grasp's frame."""
+    """Log the gripped part of the tool, its blade and its edge below the entity of the grasp frame."""
     reached = 0.5 * GRIP_M[2]
     sizes: list[np.ndarray | list[float]] = [GRIP_M, [layout.EDGE_WIDTH_M, BLADE_M, layout.EDGE_M - reached]]
     centres = [[0.0, 0.0, 0.0], [0.0, 0.0, 0.5 * (reached + layout.EDGE_M)]]
@@ -184,21 +183,21 @@ def send_tool(
 
 
 def close_view(name: str, contents: Sequence[str]) -> rrb.Spatial3DView:
-    """3-D view along the scraping direction, close to where the tool meets the board, that shows roll."""
+    """3-D view along the scraping direction, close to the contact of tool and board, which shows roll."""
     target = layout.CONTACT_M + np.array([0.0, 0.02, 0.028])
     return rrd.eye_view(name, contents, target, EYE_M * np.array([0.15, -0.93, 0.33]))
 
 
 def full_scale(executions: Sequence[Execution]) -> float:
-    """Deviation in counts that gets the full colour, the same for all of these."""
+    """Deviation in counts with the full colour, common to these executions."""
     deviations = np.abs(np.concatenate([one.deviation for one in executions]))
     return float(np.quantile(deviations, FULL_SCALE_QUANTILE))
 
 
 def electrodes() -> np.ndarray:
-    """Places of the electrodes, (2, 19, 3) m from the grasp, left finger first; axes as the hand's.
+    """Positions of the electrodes, (2, 19, 3) m from the grasp, left finger first, in the hand's axes.
 
-    A finger's own x runs to its tip, z into it, and y so that the left finger's is the hand's -y.
+    A finger's own x points to its tip, z into it, and y such that the left finger's is the hand's -y.
     """
     along, across, inwards = ELECTRODES_MM.T
     fingers = []
@@ -213,7 +212,7 @@ def send_electrode_map(
 ) -> rrb.Spatial2DView:
     """Log the electrodes of both fingers as flat pictures, seen from the back of each finger.
 
-    Drawn in mm: the fingers lie beside each other with their tips to the right, the scraping direction up.
+    Drawn in mm: the fingers are side by side with their tips to the right, the scraping direction up.
     """
     offsets = np.array([[0.0, 0.0], [MAP_WIDTH + MAP_GAP, 0.0]])  # of the fingers
     flat = 1e3 * electrodes()[:, :, [2, 1]] * [1.0, -1.0] + offsets[:, None]
@@ -232,7 +231,7 @@ def _send_colours(
     one: Execution,
     scale: float,
 ) -> None:
-    """Colours of the electrodes over time; until feedback begins all read as expected."""
+    """Log colours of the electrodes over time; before feedback begins, all are as expected."""
     felt, deviation = one.felt["time_s"].to_numpy(), one.deviation
     kept = slice(None, None, rrd.thinning(float(np.median(np.diff(felt))), RATE_HZ))
     times = np.append(one.run.time[:1], felt[kept])

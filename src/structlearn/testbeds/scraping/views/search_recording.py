@@ -1,7 +1,8 @@
-"""The policy search of a refinement in recordings (IV.7): what was tried in each iteration, and what it cost.
+"""Recording of a refinement's policy search (IV.7): policies tried in each iteration, and their costs.
 
-A step of the time line is an iteration. Its network is that before the next update, iteration 0 that before
-any; the policies of an iteration are drawn around what the network of the iteration before had done.
+A step of the timeline is an iteration. Its network is the one before the next update, so iteration 0 is
+before any update; the policies of an iteration are drawn around the actions of the previous iteration's
+network.
 """
 
 from dataclasses import dataclass
@@ -18,13 +19,13 @@ from structlearn.viewer.diagram import Diagram, diagram_view, rounded_range, sen
 from structlearn.viewer.rrd import TIME, blended, entity, rgba, thinning
 
 ITERATION, ITERATION_S = "iteration", 1.0
-"""Time line on which each step is another iteration, and a step's length on the time line of seconds."""
+"""Timeline with one iteration per step, and a step's length on the timeline of seconds."""
 
 CHEAP, COSTLY = WHITE, "#4a4f57"
-"""Ends of the colours of drawn policies, by accumulated cost."""
+"""Ends of the colour scale of drawn policies, by accumulated cost."""
 
 COSTLY_QUANTILE = 0.9
-"""Share of the drawn policies within the colours: single failures would make all others look cheap."""
+"""Share of the drawn policies within the colour scale; single failures would make all others look cheap."""
 
 LEGEND = {
     f"{ROLLOUTS[SAMPLE].name}, cheap": CHEAP,
@@ -32,20 +33,20 @@ LEGEND = {
     ROLLOUTS[IMPROVED].name: ROLLOUTS[IMPROVED].colour,
     f"{ROLLOUTS[FEEDBACK].name} (pale: before)": ROLLOUTS[FEEDBACK].colour,
 }
-"""Names and colours, above the coupling terms."""
+"""Names and colours, shown above the coupling terms."""
 
 PLACES = {SAMPLE: (-0.24, 0.16), IMPROVED: (0.08, 0.06), FEEDBACK: (0.3, 0.06)}
-"""Middle and half width of where an iteration's rollouts stand, in iterations from its number."""
+"""Centre and half width of an iteration's rollouts, in iterations relative to its number."""
 
 LABELS = {SAMPLE: (-1.5, -0.5), IMPROVED: (-0.3, 0.4), FEEDBACK: (0.3, -1.9)}
-"""Where the means are written, from their points in the drawing: beside, below and above the points."""
+"""Offsets of the labels of means in the drawing: beside, below and above the points."""
 
 WIDTH, HEIGHTS = 32.0, {"target": 14.0, "cost_rad": 8.0}
-"""Of the diagrams over time in their drawings, by column of the samples."""
+"""Size of the diagrams over time in their drawings, by column of the samples."""
 
-CURVE_RATE_HZ = 50.0  # Points per second of a curve: they are the most that a search takes of a file
-ON_TOP = 40.0  # Draw order above rerun's own for lines and points, 20 and 30
-PALE = 0.4  # Opacity of the rollouts of other iterations
+CURVE_RATE_HZ = 50.0  # points per second of a curve, which are most of a search's data
+ON_TOP = 40.0  # draw order above rerun's own for lines and points, 20 and 30
+PALE = 0.4  # opacity of rollouts of other iterations
 
 
 @dataclass(frozen=True)
@@ -63,7 +64,7 @@ class Search:
 
     @property
     def cost_range(self) -> tuple[float, float]:
-        """Accumulated costs in rad that get the ends of the colours."""
+        """Accumulated costs in rad at the ends of the colour scale."""
         costs = self.history.loc[self.history["kind"] == SAMPLE, "cost_rad"].dropna()
         return (costs.min(), costs.quantile(COSTLY_QUANTILE)) if len(costs) else (0.0, 1.0)
 
@@ -72,7 +73,7 @@ class Search:
         return entity("search", self.primitive, *parts)
 
     def rows(self, iteration: int, kind: str) -> pd.DataFrame:
-        """Rollouts of the history that did not fail."""
+        """Rows of the history for rollouts that did not fail."""
         own = (self.history["iteration"] == iteration) & (self.history["kind"] == kind)
         return self.history[own & self.history["cost_rad"].notna()]
 
@@ -91,7 +92,7 @@ def searches(history: pd.DataFrame, samples: pd.DataFrame) -> list[Search]:
 
 
 def send_search(stream: rr.RecordingStream, search: Search, origin: str) -> rrb.Horizontal:
-    """Log a search on the time lines of iterations and of seconds; `origin`: of `rrd.origin_label`."""
+    """Log a search on the timelines of iterations and of seconds; `origin`: from `rrd.origin_label`."""
     costs = search.history["cost_rad"].dropna().to_numpy()
     ends = (search.iterations[0] - 0.6, search.iterations[-1] + 0.6)
     summed = Diagram(ends, rounded_range(costs, 0.0), 20.0, 25.0)
@@ -129,7 +130,7 @@ def send_search(stream: rr.RecordingStream, search: Search, origin: str) -> rrb.
 
 
 def cost_colours(costs: np.ndarray, cost_range: tuple[float, float]) -> np.ndarray:
-    """Colours 0xRRGGBBAA (K,) of accumulated costs (K,) in rad: the cheaper the brighter."""
+    """Colours 0xRRGGBBAA (K,) for accumulated costs (K,) in rad: cheaper is brighter."""
     low, high = cost_range
     return blended((costs - low) / max(high - low, np.finfo(float).tiny), (CHEAP, COSTLY))
 
@@ -137,8 +138,8 @@ def cost_colours(costs: np.ndarray, cost_range: tuple[float, float]) -> np.ndarr
 def _send_curves(
     stream: rr.RecordingStream, search: Search, column: str, diagram: Diagram, iteration: int
 ) -> None:
-    """Drawn policies, and thick the improved one, the network, and pale the network before."""
-    tried = search.rows(iteration, SAMPLE).sort_values("cost_rad", ascending=False)  # the cheapest on top
+    """Log drawn policies, and bold the improved one, the network, and pale the previous network."""
+    tried = search.rows(iteration, SAMPLE).sort_values("cost_rad", ascending=False)  # cheapest on top
     if len(tried):
         strips = _strips(search.curves(iteration, SAMPLE, column)[tried["number"]], diagram)
         colours = cost_colours(tried["cost_rad"].to_numpy(), search.cost_range)
@@ -154,14 +155,14 @@ def _send_curves(
 
 
 def _strips(curves: pd.DataFrame, diagram: Diagram) -> list[np.ndarray]:
-    """Curves over `time_s`, thinned, as strips of a diagram."""
+    """Thinned curves over `time_s`, as line strips of a diagram."""
     thinned = curves.iloc[:: thinning(float(np.median(np.diff(curves.index))), CURVE_RATE_HZ)]
     known = [thinned[number].dropna() for number in thinned]
     return [diagram.points(one.index.to_numpy(), one.to_numpy()) for one in known]
 
 
 def _cost_points(search: Search, diagram: Diagram, iteration: int, kind: str) -> np.ndarray:
-    """Rollouts of a kind beside each other, in the order of their numbers."""
+    """Points of rollouts of one kind, side by side in order of their numbers."""
     costs = search.rows(iteration, kind)["cost_rad"].to_numpy()
     across = np.linspace(-1.0, 1.0, len(costs)) if len(costs) > 1 else np.zeros(len(costs))
     middle, half_width = PLACES[kind]
@@ -169,7 +170,7 @@ def _cost_points(search: Search, diagram: Diagram, iteration: int, kind: str) ->
 
 
 def _send_all_costs(stream: rr.RecordingStream, search: Search, diagram: Diagram) -> None:
-    """All rollouts pale, and the mean of the network over iterations."""
+    """Log all rollouts pale, and the mean cost of the network over iterations."""
     for kind, look in ROLLOUTS.items():
         points = [_cost_points(search, diagram, iteration, kind) for iteration in search.iterations]
         colour = rgba([look.colour], PALE)
@@ -183,7 +184,7 @@ def _send_all_costs(stream: rr.RecordingStream, search: Search, diagram: Diagram
 
 
 def _send_costs(stream: rr.RecordingStream, search: Search, diagram: Diagram, iteration: int) -> None:
-    """Rollouts of this iteration with the mean of each kind, and how many failed."""
+    """Log rollouts of this iteration, the mean of each kind, and the number of failures."""
     for kind, look in ROLLOUTS.items():
         costs = search.rows(iteration, kind)["cost_rad"].to_numpy()
         if len(costs):

@@ -1,18 +1,18 @@
-"""A simulated person who turns the robot's hand until the tool lies flat on the tilted board (IV.9.1.3, iii).
+"""A simulated person who rotates the robot's hand until the tool lies flat on the board (IV.9.1.3, iii).
 
-The robot executes the nominal movement and gives way about roll; the person sees the gap between edge and
-board, holds the hand and turns it. People do not track such an error continuously: they see it late, decide,
-and add short overlapping submovements of minimum jerk until it looks flat (Woodworth 1899; Craik 1947; Meyer
-et al. 1988; for knobs turned by hand Novak, Miller & Houk 2002). The model is that loop:
+The robot executes the nominal movement and is compliant about roll; the person sees the gap between edge and
+board, holds the hand and rotates it. People do not track such an error continuously: they see it late,
+decide, and add short overlapping submovements of minimum jerk until it looks flat (Woodworth 1899; Craik
+1947; Meyer et al. 1988; for knobs turned by hand Novak, Miller & Houk 2002). The model is that loop:
 
-    at most every `refractory_s`: the error seen `visual_delay_s` ago, less what submovements under way and
-    the robot's own nominal movement, which the person knows, will do about it; if that is larger than
-    `threshold_deg`: a submovement of (gain x error)(1 + noise), of duration `movement_s`
+    at most every `refractory_s`: the error seen `visual_delay_s` ago, minus what ongoing submovements and the
+    robot's own nominal movement, which the person knows, will correct; if that exceeds `threshold_deg`: a
+    submovement of (gain x error)(1 + noise), of duration `movement_s`
 
-The person goes along with the nominal movement and adds the submovements to it. The hand is held through the
-passive stiffness of a wrist, so what the board does to the tool counts too. Constants are published figures
-of people, named below, and times of the recorded corrected demonstrations; none was chosen by how well
-feedback models do.
+The person follows the nominal movement and adds the submovements to it. The hand is held through the passive
+stiffness of a wrist, so torques of the board on the tool matter too. Constants are published figures of
+people, named below, and times of the recorded corrected demonstrations; none was chosen by how well feedback
+models do.
 """
 
 from typing import NamedTuple
@@ -39,12 +39,12 @@ class CorrectorParameters(Parameters):
     visual_delay_s: float = Field(ge=0)
     # shortest time between two submovements (psychological refractory period, Vince 1948)
     refractory_s: float = Field(ge=0.05)
-    refractory_spread_s: float = Field(ge=0)  # std of what is added to it, one-sided
-    # error that is let be; at 0.8 degrees one end of the 11 mm edge is 0.15 mm off
+    refractory_spread_s: float = Field(ge=0)  # std of its one-sided random extension
+    # error that is tolerated; at 0.8 degrees one end of the 11 mm edge is 0.15 mm off
     threshold_deg: float = Field(ge=0)
-    # std between trials of what looks flat; recorded: 0.45 degrees at the end of the primitive
+    # std between trials of the angle that looks flat; recorded: 0.45 degrees at the end of the primitive
     bias_deg: float = Field(ge=0)
-    # mean share of the error that a submovement aims at; the first falls short as a rule (Meyer et al. 1988).
+    # mean share of the error that a submovement aims at; the first usually falls short (Meyer et al. 1988)
     gain: float = Field(gt=0)
     # its std between submovements: with the noise below one in six overshoots
     gain_spread: float = Field(ge=0)
@@ -57,20 +57,20 @@ class CorrectorParameters(Parameters):
     # of the wrist that holds the hand (Formica et al. 2012: 0.7-1.7 N m/rad passive).
     stiffness_n_m_rad: float = Field(gt=0)
     damping_n_m_s_rad: float = Field(ge=0)  # its damping, about 0.1 s times the stiffness
-    # sway, motor noise and tremor of the hand; a tenth of a free hand's, for it rests on a robot that gives
-    # way slowly: in the recorded execution of the same setting the hand's orientation stays within 0.02
+    # sway, motor noise and tremor of the hand; a tenth of a free hand's, since it rests on a robot that
+    # yields slowly: in the recorded execution of the same setting the hand's orientation stays within 0.02
     # degrees (std over 2 s) once it is corrected
     noise_mm: float = Field(ge=0)
 
 
 class Corrector(NamedTuple):
-    """One trial of the person; arrays change in place."""
+    """State of the person in one trial; arrays are updated in place."""
 
     dt: float  # s per tick
     reaction: float  # s
     delay: int  # ticks of vision
     threshold: float  # rad
-    bias: float  # rad, what looks flat in this trial
+    bias: float  # rad, angle that looks flat in this trial
     refractory_s: float  # from here see `CorrectorParameters`
     refractory_spread_s: float
     gain: float
@@ -82,22 +82,22 @@ class Corrector(NamedTuple):
     damping_n_m_s_rad: float
     trembling: np.ndarray  # (T,) rad about the scraping direction
     draws: np.ndarray  # (N,) standard normal numbers for the decisions
-    remaining: np.ndarray  # (T,) rad, what is left for the person, as seen at every tick so far
+    remaining: np.ndarray  # (T,) rad, error left to the person, as seen at every tick so far
     submovements: np.ndarray  # (M, 3) onset in s, duration in s, amplitude in rad
-    counts: np.ndarray  # (3,) tick of the first call or -1, submovements and draws so far
+    counts: np.ndarray  # (3,) tick of the first call or -1, number of submovements and of draws so far
     decision: np.ndarray  # (1,) s, time of the next decision
 
 
-_FIRST, _MOVEMENTS, _DRAWN = range(3)  # Places in `Corrector.counts`
-_DRAWS = 4  # Random numbers of a decision, at most
+_FIRST, _MOVEMENTS, _DRAWN = range(3)  # indices in `Corrector.counts`
+_DRAWS = 4  # most random numbers per decision
 
 
 def corrector(parameters: CorrectorParameters, ticks: int, dt: float, rng: np.random.Generator) -> Corrector:
-    """Draw a trial."""
+    """Draw a person for one trial of a number of ticks, `dt` s each."""
     own = parameters
     bias = np.radians(own.bias_deg) * rng.standard_normal()
     reaction = max(own.reaction_s + own.reaction_spread_s * rng.standard_normal(), 0.1)
-    slow = np.full((ticks, 3), 0.01)  # m/s; the hand hardly travels, motor noise stays what it is
+    slow = np.full((ticks, 3), 0.01)  # m/s; the hand hardly moves, but motor noise remains
     trembling = hand_noise(slow, np.zeros(ticks), own.noise_mm, 1.0 / dt, rng)[1]
     decisions = int(ticks * dt / own.refractory_s) + 1
     return Corrector(
@@ -127,13 +127,13 @@ def nobody() -> Corrector:
 def hold(
     person: Corrector, tick: int, error: float, nominal: tuple[float, float], hand: tuple[float, float]
 ) -> float:
-    """Torque in N m of the person on the hand about roll, at a control tick; the first call begins.
+    """Torque in N m of the person on the hand about roll, at a control tick; starts with the first call.
 
-    `error`: rad, roll that the tool lacks to lie flat. `nominal`: roll in rad and its rate in rad/s of the
-    nominal movement, whose roll ends at 0. `hand`: roll of the hand in rad and its rate in rad/s.
+    `error`: rad, missing roll of the tool until it lies flat. `nominal`: roll in rad and its rate in rad/s of
+    the nominal movement, whose roll ends at 0. `hand`: roll of the hand in rad and its rate in rad/s.
     """
     now = tick * person.dt
-    person.remaining[tick] = error + person.bias + nominal[0]  # the robot itself will do -nominal
+    person.remaining[tick] = error + person.bias + nominal[0]  # the robot itself will add -nominal
     if person.counts[_FIRST] < 0:
         person.counts[_FIRST] = tick
         person.decision[0] = now + person.reaction
@@ -147,7 +147,7 @@ def hold(
 
 @compiled_inside
 def _decide(person: Corrector, tick: int, now: float) -> None:
-    """Start a submovement if what was seen, less what is under way, is worth it."""
+    """Start a submovement if the seen error, minus ongoing corrections, is above the threshold."""
     seen_tick = max(tick - person.delay, person.counts[_FIRST])
     under_way = _intended(person, np.inf)[0] - _intended(person, seen_tick * person.dt)[0]
     error = person.remaining[seen_tick] - under_way
@@ -164,7 +164,7 @@ def _decide(person: Corrector, tick: int, now: float) -> None:
 
 @compiled_inside
 def _drawn(person: Corrector) -> float:
-    """The next standard normal number."""
+    """Next standard normal number."""
     person.counts[_DRAWN] += 1
     return person.draws[person.counts[_DRAWN] - 1]
 

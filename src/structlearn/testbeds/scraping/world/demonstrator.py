@@ -1,13 +1,13 @@
-"""A simulated person who demonstrates the nominal scraping task: how the hand is meant to move (IV.9).
+"""Intended hand movements of a simulated person who demonstrates the nominal scraping task (IV.9).
 
 Go down 8.7 cm until the tool touches the board, turn the tool until its edge lies flat, scrape 6.4 cm along
-y. Movements come from published facts of human movement (the constants below). In the physical world the
-person guides the robot's arm along them (`testbed`); `as_meant` takes them as they are meant,
-without arm and board, for sweeps over thousands of demonstrations.
+y. Movements follow published facts about human movement (the constants below). In the physical world the
+person guides the robot's arm along them (`testbed`); `as_meant` takes them as intended, without arm and
+board, for sweeps over thousands of demonstrations.
 
 Three independent random streams per demonstration (movement, noise, run) and a fixed number of draws from the
-first make sweeps clean: another `noise_mm` scales the noise and leaves the movement and its true cut points
-untouched; other pauses only move the same primitives apart.
+first keep sweeps controlled: another `noise_mm` scales the noise but not the movement and its true cut
+points; other pauses only shift the same primitives.
 """
 
 from dataclasses import dataclass
@@ -28,7 +28,7 @@ DOWN_M = np.array([0.0, 0.0, -0.087])
 FORWARD_M = np.array([0.0, 0.064, 0.0])
 TILT_DEG = np.array([3.0, -3.5, 0.0])  # pitch, roll, yaw about x, y, z to correct; recorded: 3-4 degrees
 
-# Time. The std of timed intervals grows about in proportion to them (Gibbon 1977; Lewis & Miall 2009).
+# Time. The std of timed intervals is about proportional to them (Gibbon 1977; Lewis & Miall 2009).
 SHARED_TEMPO = 0.5  # share of the log-duration variance that the movements of one trial have in common
 # Slow movements fluctuate at a constant rate, in proportion to their speed (Guigon et al. 2019).
 INTERMITTENCY_HZ = (1.5, 3.5)
@@ -41,9 +41,9 @@ PRIMARY_DURATION = (0.55, 0.75)
 SECONDARY_ONSET = (0.30, 0.50)
 # A person repeats a movement with nearly the same submovements. With this share of the ranges for the trial
 # and the rest for the person, trials differ in timing by 2-6 % of the duration; in the public recording of 97
-# repeated reaches it is 3-4 % (std of the normalised time at which 10 to 90 % of the way are done).
+# repeated reaches it is 3-4 % (std of the normalised time at which 10 to 90 % of the path are covered).
 TRIAL_SHARE = 0.4
-# Slow hands also halt where nothing asks for it (van der Wel et al. 2009; Park et al. 2017).
+# Slow hands also pause without a reason in the task (van der Wel et al. 2009; Park et al. 2017).
 HESITATION_S = (0.08, 0.20)  # std of a Gaussian dip of the speed; with the depth it sets the time lost
 # A minimum-jerk movement has no visible first instant: onset and end are where its speed passes 5 % of its
 # peak, the usual criterion in studies of reaching.
@@ -52,15 +52,15 @@ SLOWEST = 0.02  # floor of the speed factor: time never runs backwards
 
 # Place. End points scatter by a few per cent of the distance (van Beers et al. 2004); recorded: 0.5-1 mm.
 GOAL_SPREAD_M = np.array([0.0010, 0.0015, 0.0002])  # the board fixes z
-GOAL_SPREAD_DEG = 0.4  # what a person takes for flat; recorded: 0.2-0.5 degrees
+GOAL_SPREAD_DEG = 0.4  # std of the angle that a person takes for flat; recorded: 0.2-0.5 degrees
 BOW_M = (
     np.array([[2.0, 2.0, 0.0], [0.8, 0.8, 0.0], [1.0, 0.0, 0.0]]) * 1e-3
-)  # std; hand paths are bowed a little
-BOARD_TAKES_OVER_S = 0.25  # from the first touch until the board holds the hand's noise along z
+)  # std; hand paths are slightly curved
+BOARD_TAKES_OVER_S = 0.25  # from first contact until the board suppresses the hand's noise along z
 EPOCH_NS = 1_577_836_800_000_000_000  # 2020-01-01, an arbitrary fixed start of the recorder's clock
 BETWEEN_STARTS_NS = 60_000_000_000
-GRID_HZ = 1000.0  # on which time warps are integrated
-RATE_HZ = 300.0  # of a movement as it is meant, without arm: that of the recorded robot
+GRID_HZ = 1000.0  # grid for the integration of time warps
+RATE_HZ = 300.0  # of an intended movement, without arm: that of the recorded robot
 
 Seconds = Annotated[float, Field(ge=0, le=10)]
 MovementSeconds = Annotated[float, Field(ge=0.5, le=20)]
@@ -92,7 +92,7 @@ class DemonstratorParameters(Parameters):
 
 @dataclass(frozen=True)
 class Intention:
-    """How the hand is meant to move in one demonstration."""
+    """Intended movement of the hand in one demonstration."""
 
     name: str  # "01", "02", ...
     time: np.ndarray  # (T,) s
@@ -101,7 +101,7 @@ class Intention:
     edge_noise: np.ndarray  # (T, 3) m
     tilt_noise: np.ndarray  # (T, 3) rad
     segments: np.ndarray  # (3, 2) s of descent (its end is the contact), turn and scrape
-    run: np.random.SeedSequence  # source of all randomness of the run itself: sensors, board, pressure
+    run: np.random.SeedSequence  # for the randomness of the run itself: sensors, board, pressure
 
 
 def intended_movements(parameters: DemonstratorParameters, rate_hz: float = RATE_HZ) -> list[Intention]:
@@ -112,7 +112,7 @@ def intended_movements(parameters: DemonstratorParameters, rate_hz: float = RATE
 
 
 def as_meant(movement: Intention, seed: int) -> Recording:
-    """A movement with the hand's noise as a recording; `seed`: of the person."""
+    """An intended movement with the hand's noise as a recording; `seed`: of the person."""
     orientation = orientation_of(movement.tilt + movement.tilt_noise)
     pose = np.hstack([movement.edge + movement.edge_noise, orientation])
     stamps = first_stamp(int(movement.name) - 1) + np.round(movement.time * 1e9).astype(np.int64)
@@ -134,7 +134,7 @@ def first_stamp(index: int) -> int:
 
 
 def orientation_of(tilt: np.ndarray) -> np.ndarray:
-    """Orientation (T, 4) of the edge frame for rotation vectors from flat (T, 3) in rad."""
+    """Orientation (T, 4) of the edge frame for rotation vectors (T, 3) in rad from flat."""
     return quaternion.product(quaternion.from_rotation_vector(tilt), FLAT_ORIENTATION)
 
 
@@ -145,7 +145,7 @@ def _intention(
     habits: np.ndarray,
     rate_hz: float,
 ) -> Intention:
-    """One trial; roll and pitch have submovements of their own, as a person who turns one after the other."""
+    """One trial; roll and pitch have separate submovements, as by a person who turns one after the other."""
     movement, noise, run = seed.spawn(3)
     movement_rng, noise_rng = np.random.default_rng(movement), np.random.default_rng(noise)
     movements, end = _draw_movements(parameters, habits, movement_rng)
@@ -155,7 +155,7 @@ def _intention(
     ways, turns = np.diff(edges, axis=0), np.diff(tilts, axis=0)
     for one, way, turn, bow in zip(movements, ways, turns, bows, strict=True):
         first, second = one.progress(time)[..., None]  # (T, 1) each
-        edge += first * way + 16 * first**2 * (1 - first) ** 2 * bow  # bowed most half-way, at no end
+        edge += first * way + 16 * first**2 * (1 - first) ** 2 * bow  # bow is largest half-way, 0 at the ends
         tilt += np.hstack([first, second, first]) * turn
     (onset, contact), _, (scrape, last) = (one.visible for one in movements)
     segments = np.array([[onset, contact], [contact, scrape], [scrape, last]])
@@ -167,7 +167,7 @@ def _intention(
 
 @dataclass(frozen=True)
 class _Movement:
-    """One planned movement: its place in time, its warp and the shapes of its two coordinates."""
+    """One planned movement: its time, its warp and the shapes of its two coordinates."""
 
     onset: float  # s
     duration: float  # s, hesitation included
@@ -216,7 +216,7 @@ def _draw_places(
     """Edge (4, 3) m and rotation from flat (4, 3) rad at start, contact, flat and end; bows (3, 3) m."""
     start = CONTACT_M - DOWN_M + 1e-3 * parameters.start_spread_mm * rng.standard_normal(3)
     landing = CONTACT_M + GOAL_SPREAD_M * rng.standard_normal(3)
-    flat = landing + GOAL_SPREAD_M / 3 * rng.standard_normal(3)  # the edge slips a little while it turns
+    flat = landing + GOAL_SPREAD_M / 3 * rng.standard_normal(3)  # the edge slips slightly while it turns
     finish = flat + FORWARD_M + GOAL_SPREAD_M * rng.standard_normal(3)
     held = TILT_DEG + parameters.start_spread_deg * rng.standard_normal(3)  # no correction before the contact
     drift = 0.5 * parameters.start_spread_deg * rng.standard_normal(3)
@@ -244,7 +244,7 @@ def _draw_movement(
     depth = hesitates * parameters.hesitation_depth * rng.uniform(0.5, 1.0)
     frequencies, angles = rng.uniform(*INTERMITTENCY_HZ, 4), rng.uniform(0, 2 * np.pi, 4)
 
-    duration += depth * width * np.sqrt(2 * np.pi)  # the dip costs time; the rest is not hurried
+    duration += depth * width * np.sqrt(2 * np.pi)  # the dip costs time; the rest is not faster
     grid = np.linspace(0.0, duration, int(duration * GRID_HZ) + 2)
     waves = np.cos(2 * np.pi * np.outer(frequencies, grid) + angles[:, None]).sum(0)  # variance 4 / 2
     dip = depth * np.exp(-0.5 * ((grid - centre * duration) / width) ** 2)

@@ -1,11 +1,11 @@
-"""One run of the scraping robot: a motion is followed, the board is touched, everything is recorded.
+"""One run of the scraping robot: following a motion, contact with the board, and recording.
 
-What differs between runs is who leads: a person who guides the arm (`guided_motion`), the learned primitives,
-or the primitives with feedback (`feedback.runtime.Controller`). All of them give a reference pose per tick;
-force control along z and, for corrections, compliance about roll are added to it (table IV.4).
+Runs differ in what leads the robot: a person who guides the arm (`guided_motion`), the learned primitives, or
+the primitives with feedback (`feedback.runtime.Controller`). All give a reference pose per tick, to which
+force control along z and, for corrections, compliance about roll are added (table IV.4).
 
-The whole run is one compiled loop. Its ticks can also be run one by one with somebody else integrating the
-robot's motion between them: in PyBullet, to compare.
+The whole run is one compiled loop. For comparison, its ticks can also be run one by one while another engine
+(PyBullet) integrates the robot's motion between them.
 """
 
 from collections.abc import Callable
@@ -29,13 +29,13 @@ from structlearn.testbeds.scraping.world.scraping_robot import ARM_JOINTS
 from structlearn.testbeds.scraping.world.scraping_world import World, WorldParameters, tool_wrench
 
 Advance = Callable[[np.ndarray], None]
-"""Moves a world by one control tick with torques (7,) in N m on the arm, as `scraping_world.advance`."""
+"""Advances a world by one control tick with torques (7,) in N m on the arm, as `scraping_world.advance`."""
 
 Engine = Callable[[World], AbstractContextManager[Advance]]
-"""Integrates the robot's motion in a world instead of the compiled loop."""
+"""Integrator of the robot's motion that replaces the compiled loop."""
 
-NO_PLAN, NOBODY = controller_tick.no_plan(), nobody()  # Null plan and null corrector
-FINGER_TICKS = 3  # Control ticks per reading of the fingers: 100 Hz at 300 Hz
+NO_PLAN, NOBODY = controller_tick.no_plan(), nobody()  # null plan and null corrector
+FINGER_TICKS = 3  # control ticks per reading of the fingers: 100 Hz at 300 Hz
 
 
 class ControlParameters(Parameters):
@@ -53,7 +53,7 @@ class ControlParameters(Parameters):
 
 
 class Reference(NamedTuple):
-    """Where the edge frame is meant to be at each of T ticks, base frame."""
+    """Reference of the edge frame at each of T ticks, base frame."""
 
     position: np.ndarray  # (T, 3) m
     velocity: np.ndarray  # (T, 3) m/s
@@ -61,50 +61,50 @@ class Reference(NamedTuple):
     orientation: np.ndarray  # (T, 4) unit quaternions
     angular_velocity: np.ndarray  # (T, 3) rad/s
     angular_acceleration: np.ndarray  # (T, 3) rad/s^2
-    primitive: np.ndarray  # (T,) number of the running primitive; force control is on from the second one on
+    primitive: np.ndarray  # (T,) index of the running primitive; force control starts with the second one
 
 
 class Conditions(NamedTuple):
-    """What a run meets; small differences between runs are part of a real set-up."""
+    """Conditions of a run; small variations between runs are part of a real set-up."""
 
     board_roll: float  # rad
-    friction_factor: float  # on the world's friction
-    board_stiffness_factor: float  # on the board's stiffness
-    stiffness: float  # 1/s^2 of whoever leads the arm; the robot's own, or a person's
+    friction_factor: float  # factor on the world's friction
+    board_stiffness_factor: float  # factor on the board's stiffness
+    stiffness: float  # 1/s^2, of the pose control by the robot or by a guiding person
     force: np.ndarray  # (T,) N held in contact
     force_gains: tuple[float, float]  # P in m/N, I in m/(N s)
 
 
 class RunLog(NamedTuple):
-    """What happened, per control tick; counts per reading of the fingers."""
+    """Log of a run per control tick; counts per reading of the fingers."""
 
     position: np.ndarray  # (T, 3) m of the edge frame
     orientation: np.ndarray  # (T, 4) of the edge frame
     joint_positions: np.ndarray  # (T, 7) rad
     joint_velocities: np.ndarray  # (T, 7) rad/s
     joint_torques: np.ndarray  # (T, 7) N m
-    wrench: np.ndarray  # (T, 6) of the tool on the board, as the wrist sensor reads it
-    # (T, 4) orientation of the tool relative to the board; identity when it lies flat
+    wrench: np.ndarray  # (T, 6) of the tool on the board, as measured by the wrist sensor
+    # (T, 4) orientation of the tool relative to the board; identity if it lies flat
     tool_to_board: np.ndarray
     counts: np.ndarray  # (S, 38), read at ticks `count_ticks` (S,)
     count_ticks: np.ndarray
-    primitive: np.ndarray  # (T,) number of the running primitive
+    primitive: np.ndarray  # (T,) index of the running primitive
 
 
 class _Run(NamedTuple):
-    """All that a tick reads and writes."""
+    """Everything that a tick reads and writes."""
 
     dt: float  # s per control tick
     conditions: Conditions
-    arm: Arm  # what the robot's controller knows
+    arm: Arm  # the controller's model and observations
     world: World  # robot and board
     fingers: Readings
-    reference: Reference  # of the motion; of a controller it is written tick by tick
-    target: Target  # what is made of it at this tick
+    reference: Reference  # given, or written tick by tick by a controller
+    target: Target  # the reference at this tick after force control and compliance
     roll_gains: tuple[float, float]  # P in rad/(N m), I in rad/(N m s)
-    share: float  # of a new reading in the filtered wrench
+    share: float  # weight of a new reading in the filtered wrench
     noise: np.ndarray  # (T, 6) of the wrist sensor, N and N m
-    felt: np.ndarray  # (6,) the filtered wrench
+    felt: np.ndarray  # (6,) filtered wrench
     push: np.ndarray  # (6,) wrench of a person on the hand
     sums: np.ndarray  # (2,) integrals of force control and roll compliance
     log: RunLog
@@ -126,10 +126,10 @@ def execute(
 ) -> RunLog:
     """Run a motion in the world for some control ticks.
 
-    `motion`: a reference, or a controller that has been started. `start`: (3,) m and (3, 3), pose of the edge
-    frame at rest. `rng`: noise of the wrist sensor. `person`: corrects roll from the second primitive on,
-    while the robot gives way. `engine`: integrates the motion; None: the compiled loop. Raises
-    FloatingPointError: the robot has diverged.
+    `motion`: a reference, or a started controller. `start`: (3,) m and (3, 3), pose of the edge frame at
+    rest. `rng`: noise of the wrist sensor. `person`: corrects roll from the second primitive on, while the
+    robot is compliant. `engine`: integrator of the motion; None: the compiled loop. Raises
+    FloatingPointError: the robot diverged.
     """
     angles = scraping_robot.joint_angles(*start)
     world = scraping_world.placed(parameters, angles, *conditions[:3])  # the board, and factors on it
@@ -192,10 +192,10 @@ def _ticks(
     state_arrays: tuple,
     person: Corrector,
 ) -> None:
-    """Ticks of sensors, motion, control and recorder, each followed by one of the world if that is compiled.
+    """Ticks of sensors, motion, control and recorder, each followed by a world step if that is compiled.
 
-    Without primitives in the plan the reference is given. Runs of all kinds have the same types, nobody being
-    a person too, since a loop of this size takes ten seconds to compile.
+    Without primitives in the plan the reference is given. All kinds of runs use the same types (hence the
+    null corrector), since a loop of this size takes ten seconds to compile.
     """
     for k in range(first, end):
         _sense(run, k)
@@ -223,7 +223,7 @@ def _ticks(
 
 @compiled_inside
 def _sense(run: _Run, k: int) -> None:
-    """Read joints, wrist and, every third tick, the fingers; all of it is logged."""
+    """Read and log joints, wrist and, every third tick, the fingers."""
     world, arm, log = run.world, run.arm, run.log
     operational_space.observe(arm, world.q, world.v)
     tool_wrench(world.grasp_load, arm.rotation, world.tool_rotation, log.wrench[k])
@@ -235,14 +235,14 @@ def _sense(run: _Run, k: int) -> None:
     if k % FINGER_TICKS == 0:
         sample = np.empty(9)
         sample[:6] = world.grasp_load
-        # turns about x, y, z; the joints turn about z, x, y
+        # rotations about x, y, z; the joints rotate about z, x, y
         sample[6], sample[7], sample[8] = world.q[11], world.q[12], world.q[10]
         take(run.fingers, k // FINGER_TICKS, sample, log.counts[k // FINGER_TICKS])
 
 
 @compiled_inside
 def _lead(plan_arrays: tuple, state_arrays: tuple, reference: Reference, counts: np.ndarray, k: int) -> None:
-    """Let the controller give tick k of the reference; it gets each reading of the fingers once."""
+    """Write tick k of the reference by the controller, which gets each reading of the fingers once."""
     state = controller_tick.State(*state_arrays)
     fresh = k % FINGER_TICKS == 0 and len(state.sample) > 0
     if fresh:
@@ -261,10 +261,10 @@ def _lead(plan_arrays: tuple, state_arrays: tuple, reference: Reference, counts:
 def _corrected(
     board_roll: float, reference: Reference, k: int, arm: Arm, tool: np.ndarray, person: Corrector
 ) -> float:
-    """Torque in N m about roll of the person who holds the hand."""
+    """Torque in N m about roll by the person who holds the hand."""
     orientation = reference.orientation
     w, x, y, z = orientation[k, 0], orientation[k, 1], orientation[k, 2], orientation[k, 3]
-    nominal = np.arctan2(2.0 * (x * z - w * y), 2.0 * (y * y + z * z) - 1.0)  # `roll_of` its matrix
+    nominal = np.arctan2(2.0 * (x * z - w * y), 2.0 * (y * y + z * z) - 1.0)  # `roll_of` its rotation matrix
     rate = reference.angular_velocity[k, 1]
     return hold(person, k, board_roll - roll_of(tool), (nominal, rate), (roll_of(arm.rotation), arm.twist[4]))
 
@@ -273,14 +273,14 @@ def _corrected(
 def _proportional_integral(
     gains: tuple[float, float], error: float, dt: float, sums: np.ndarray, own: int
 ) -> float:
-    """A PI controller on an error per tick; `sums[own]` is its integral."""
+    """PI controller output for an error per tick; `sums[own]` is the integral."""
     sums[own] += error * dt
     return gains[0] * error + gains[1] * sums[own]
 
 
 @compiled_inside
 def _aim(reference: Reference, k: int, height: float, roll: float, target: Target) -> None:
-    """Tick k of the reference, moved along z by m and turned about y by rad, as what the hand aims at."""
+    """Target of the hand: tick k of the reference, shifted along z by m and rotated about y by rad."""
     orientation = reference.orientation
     w, x, y, z = orientation[k, 0], orientation[k, 1], orientation[k, 2], orientation[k, 3]
     upright = (
@@ -324,5 +324,7 @@ def _quaternions(rotations: np.ndarray) -> np.ndarray:
     """Sign-continuous unit quaternions of rotation matrices (T, 3, 3)."""
     from scipy.spatial.transform import Rotation
 
-    xyzw = Rotation.from_matrix(rotations, assume_valid=True).as_quat()  # a chain's, so they are
+    xyzw = Rotation.from_matrix(
+        rotations, assume_valid=True
+    ).as_quat()  # valid: products of a kinematic chain
     return quaternion.sign_continuous(quaternion.from_xyzw(xyzw))

@@ -1,8 +1,8 @@
-"""Where things are on the simulated scraping testbed, for all who move, draw or judge them.
+"""Geometry of the simulated scraping testbed, for modules that move, draw or evaluate it.
 
 Frames of the hand have x along the pinch, y along the scraping direction and z along the fingers. The edge
-frame, whose pose is recorded and commanded, is fixed to the hand where the tool's edge is while the grasp is
-unloaded: a correction turns the hand about the edge instead of dragging the edge over the board.
+frame, whose pose is recorded and commanded, is fixed to the hand at the tool's edge while the grasp is
+unloaded: a correction rotates the hand about the edge instead of dragging the edge over the board.
 """
 
 import numpy as np
@@ -10,11 +10,11 @@ import numpy as np
 from structlearn.core import quaternion
 from structlearn.readers.demonstration import Demonstration
 
-GRASP_M = 0.06  # From the hand to the grasp, the middle between the finger tips, along z
-EDGE_M = 0.03  # From the grasp to the tool's edge, along z
-EDGE_WIDTH_M = 0.011  # Of the edge, along x
+GRASP_M = 0.06  # from the hand to the grasp, the middle between the fingertips, along z
+EDGE_M = 0.03  # from the grasp to the tool's edge, along z
+EDGE_WIDTH_M = 0.011  # of the edge, along x
 CONTACT_M = np.array([0.630, -0.030, 0.100])
-"""Where the edge meets the board, on the board's axis of tilt, base frame."""
+"""Contact of edge and board, on the board's axis of tilt, base frame."""
 
 FLAT_ORIENTATION = np.array([0.0, 0.0, 1.0, 0.0])
 """w, x, y, z of the edge frame when the tool lies flat on the board at 0 degrees: fingers down, half a turn
@@ -25,18 +25,18 @@ ROLL_AXIS = np.array([0.0, 1.0, 0.0])
 
 
 def board_orientation(board_deg: float) -> np.ndarray:
-    """(4,) of a board with this roll, base frame."""
+    """Orientation (4,) of a board with this roll, base frame."""
     return quaternion.from_rotation_vector(np.radians(board_deg) * ROLL_AXIS)
 
 
 def tool_orientation(run: Demonstration, board_deg: float) -> np.ndarray:
-    """(T, 4) of the tool in a run on a board with this roll, base frame."""
+    """Orientation (T, 4) of the tool in a run on a board with this roll, base frame."""
     turned = quaternion.product(board_orientation(board_deg), run.signal("tool_to_board"))
     return quaternion.product(turned, FLAT_ORIENTATION)
 
 
 def grasp_place(run: Demonstration) -> np.ndarray:
-    """(T, 3) m, the middle between the finger tips, base frame."""
+    """Position (T, 3) m of the grasp, the middle between the fingertips, base frame."""
     down = quaternion.rotate(run.signal("orientation"), np.array([0.0, 0.0, 1.0]))
     return run.position - EDGE_M * down
 
@@ -47,5 +47,5 @@ def hand_roll_deg(run: Demonstration, axis: np.ndarray = ROLL_AXIS) -> np.ndarra
 
 
 def tool_roll_deg(run: Demonstration, axis: np.ndarray = ROLL_AXIS) -> np.ndarray:
-    """Roll of the tool relative to the board about an axis (3,), (T,); 0 where it lies flat."""
+    """Roll of the tool relative to the board about an axis (3,), (T,); 0 if flat."""
     return np.degrees(quaternion.rotation_vector(run.signal("tool_to_board")) @ axis)

@@ -1,10 +1,10 @@
-"""Operational-space control of the arm (Khatib 1987): a pose reference becomes joint torques.
+"""Operational-space control of the arm (Khatib 1987): joint torques for a pose reference.
 
     tau = J^T Lambda (K e + D (v_d - v) + a_d) + N^T M (K_0 (q_0 - q) - D_0 qd) + nle        D = 2 sqrt(K)
 
 Lambda = (J M^-1 J^T)^-1 makes the hand a unit mass in all directions, so one critically damped stiffness fits
-position and orientation; the null space keeps the elbow where it was; nle are gravity, Coriolis and
-centrifugal forces of the arm with its hand and tool.
+position and orientation; the null space keeps the elbow in place; nle are gravity, Coriolis and centrifugal
+forces of the arm with its hand and tool.
 """
 
 from typing import NamedTuple
@@ -15,17 +15,17 @@ from structlearn.core.compilation import cross, numba
 from structlearn.rigid_body.compiled_chain import Body, Workspace, body, dynamics, factorise, solve, workspace
 from structlearn.rigid_body.tree import Robot
 
-ELBOW_STIFFNESS, ELBOW_DAMPING = 40.0, 12.0  # 1/s^2 and 1/s; the elbow is in no hurry
+ELBOW_STIFFNESS, ELBOW_DAMPING = 40.0, 12.0  # 1/s^2 and 1/s; slow
 
 
 class Arm(NamedTuple):
-    """What the controller knows of the arm, and what it observes; base frame."""
+    """The controller's model of the arm, and its observations; base frame."""
 
     body: Body  # the arm with its hand and an unloaded tool
     work: Workspace
-    edge_rotation: np.ndarray  # (3, 3) of the edge frame in the last link's
+    edge_rotation: np.ndarray  # (3, 3) of the edge frame in the last link's frame
     edge_place: np.ndarray  # (3,) m of its origin there
-    posture: np.ndarray  # (7,) rad to which the null space pulls
+    posture: np.ndarray  # (7,) rad, target of the null space
     q: np.ndarray  # (7,) rad, last observed
     v: np.ndarray  # (7,) rad/s, last observed
     position: np.ndarray  # (3,) m of the edge frame, at q
@@ -38,7 +38,7 @@ class Arm(NamedTuple):
 
 
 class Target(NamedTuple):
-    """Where the edge frame is to be."""
+    """Target of the edge frame."""
 
     position: np.ndarray  # (3,) m
     rotation: np.ndarray  # (3, 3)
@@ -47,7 +47,7 @@ class Target(NamedTuple):
 
 
 def controlled(robot: Robot, posture: np.ndarray) -> Arm:
-    """The arm of `scraping_robot.arm` for the controller; its null space pulls to a posture (7,) in rad."""
+    """The arm of `scraping_robot.arm` for the controller; `posture` (7,) in rad is the null-space target."""
     count, model = len(posture), robot.model
     edge = model.frames[model.getFrameId("edge")].placement
     return Arm(
@@ -70,7 +70,7 @@ def controlled(robot: Robot, posture: np.ndarray) -> Arm:
 
 @numba.njit(cache=True, error_model="numpy")
 def observe(arm: Arm, q: np.ndarray, v: np.ndarray) -> None:
-    """Compute kinematics and dynamics at joint positions and velocities; those of the arm come first."""
+    """Compute kinematics and dynamics at joint positions and velocities, of which the arm's are used."""
     count = len(arm.q)
     arm.q[:], arm.v[:] = q[:count], v[:count]
     work, jacobian = arm.work, arm.jacobian
@@ -127,7 +127,7 @@ def control(arm: Arm, target: Target, stiffness: float, force: np.ndarray) -> No
             arm.inverse_inertia[m, k] = 0.0
             for j in range(count):
                 arm.inverse_inertia[m, k] += jacobian[m, j] * arm.mobility[k, j]
-        # N^T = 1 - J^T Lambda J M^-1 leaves of the posture torque only what does not move the hand
+        # N^T = 1 - J^T Lambda J M^-1 keeps only posture torque that does not move the hand
         for j in range(count):
             wanted[k] -= arm.mobility[k, j] * torques[j]
     factorise(arm.inverse_inertia)
@@ -140,7 +140,7 @@ def control(arm: Arm, target: Target, stiffness: float, force: np.ndarray) -> No
 
 @numba.njit(cache=True, error_model="numpy")
 def write_rotation_error(goal: np.ndarray, now: np.ndarray, error: np.ndarray) -> None:
-    """Write the rotation vector (3,) in rad, base frame, that turns one orientation (3, 3) to another."""
+    """Write the rotation vector (3,) in rad, base frame, from one orientation (3, 3) to another."""
     turn = np.empty((3, 3))
     for i in range(3):
         for k in range(3):

@@ -1,4 +1,4 @@
-"""Pictures of the robot that scrapes the tilted board: a still of one run, and a loop of two side by side."""
+"""Pictures of the robot scraping the tilted board: a still of one run, and a loop of two side by side."""
 
 from collections.abc import Sequence
 from functools import partial
@@ -14,11 +14,11 @@ from structlearn.readers.demonstration import Demonstration
 from structlearn.simulation.still import Solid, View, still
 from structlearn.testbeds.scraping.world import layout
 
-ARM = "kuka_iiwa/model.urdf"  # Of the arm with its meshes, among the data that PyBullet brings
+ARM = "kuka_iiwa/model.urdf"  # arm with its meshes, from PyBullet's data
 BOARD_M = np.array([0.10, 0.18, 0.006])
 BENCH_M = np.array([0.16, 0.24, 0.02])
 PALM_M, FINGER_M, BLADE_M = np.array([0.07, 0.09, 0.04]), np.array([0.018, 0.02, 0.055]), 0.003
-"""Sizes of what is drawn as boxes; the simulation knows their masses and contacts, not their shapes."""
+"""Sizes of parts drawn as boxes; the simulation has their masses and contacts, not their shapes."""
 
 WOOD, STEEL, SKIN, TOOL = (
     *((0.84, 0.76, 0.62, 1.0), (0.45, 0.48, 0.52, 1.0)),
@@ -27,12 +27,12 @@ WOOD, STEEL, SKIN, TOOL = (
 VIEW = View(target=(0.36, -0.02, 0.29), distance=1.55, yaw_deg=34.0, pitch_deg=-16.0)
 
 CLOSE = View(target=(0.63, -0.02, 0.135), distance=0.5, yaw_deg=12.0, pitch_deg=-9.0)
-"""Along the scraping direction, in which the roll of the tool on the board is seen."""
+"""View along the scraping direction, which shows the roll of the tool on the board."""
 
-PANEL, WORDS = (420, 380), 72  # pixels of one run in the loop, and of the words above it
-TILT_S, HOLD_S = 1.0, 1.2  # before the run the board tilts for so long; after it the loop stands still
-FRAMES_PER_S, SPEED = 12, 2.0  # of the loop; how much faster than in reality the robot moves
-QUALITY = 70  # of WebP: the largest whose loop stays below 1 MB with room to spare
+PANEL, WORDS = (420, 380), 72  # pixels of one run in the loop, and of the text above it
+TILT_S, HOLD_S = 1.0, 1.2  # duration of the board's tilting before the run, and of the pause after it
+FRAMES_PER_S, SPEED = 12, 2.0  # of the loop; factor on the speed of the robot
+QUALITY = 70  # of WebP: the loop stays below 1 MB with a margin
 
 
 def scraping_still(run: Demonstration, board_deg: float) -> np.ndarray:
@@ -62,7 +62,7 @@ def write_loop(path: Path, runs: Sequence[tuple[Look, Demonstration]], board_deg
 def _frame(
     moment: tuple[int, float], runs: Sequence[tuple[Look, Demonstration]], board_deg: float
 ) -> Image.Image:
-    """One picture of all runs: a sample, and the tilt in degrees that the board is drawn with."""
+    """One picture of all runs at a sample; `moment[1]`: displayed tilt of the board in degrees."""
     sample, drawn_deg = moment
     frame = Image.new("RGB", (len(runs) * PANEL[0], WORDS + PANEL[1]), "white")
     pen, font = ImageDraw.Draw(frame), ImageFont.load_default(21)
@@ -80,13 +80,13 @@ def _frame(
 
 
 def _solids(run: Demonstration, moment: int, board_deg: float, drawn_deg: float | None = None) -> list[Solid]:
-    """Board, hand and tool at one sample of a run on a board of this tilt; it may be drawn with another."""
+    """Board, hand and tool at one sample of a run on a board of this tilt, displayed with another one."""
     drawn = layout.board_orientation(board_deg if drawn_deg is None else drawn_deg)
     hand, tool = run.signal("orientation")[moment], layout.tool_orientation(run, board_deg)[moment]
     grasp = layout.grasp_place(run)[moment]
 
     def held(size: np.ndarray, offset: tuple[float, float, float], turn: np.ndarray, colour: tuple) -> Solid:
-        """A box that is fixed to the hand or the tool, `offset` from the grasp."""
+        """A box fixed to the hand or the tool, with an offset from the grasp."""
         return Solid("box", size / 2, grasp + quaternion.rotate(turn, np.array(offset)), turn, colour)
 
     below = layout.CONTACT_M - quaternion.rotate(drawn, np.array([0.0, 0.0, 0.5 * BOARD_M[2]]))

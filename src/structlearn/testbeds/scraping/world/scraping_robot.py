@@ -1,8 +1,8 @@
-"""The robot of the scraping testbed: a KUKA iiwa, a hand, a springy grasp and a scraping tool.
+"""Robot of the scraping testbed: a KUKA iiwa, a hand, a compliant grasp and a scraping tool.
 
-The dissertation's robot (Barrett arm and hand) has no public model; an iiwa does. The hand holds the tool
-between two soft finger tips, which are six passive joints with springs and dampers. Frames are those of
-`layout`.
+There is no public model of the dissertation's robot (Barrett arm and hand), but one of the iiwa. The hand
+holds the tool between two soft fingertips, modelled as six passive joints with springs and dampers. Frames
+are those of `layout`.
 """
 
 import re
@@ -19,7 +19,7 @@ from structlearn.testbeds.scraping.world.layout import EDGE_M, GRASP_M
 GRAVITY = 9.81  # m/s^2
 ARM_JOINTS = 7
 TOOL_KG = 0.06
-TOOL_CENTRE_M = 0.02  # of mass, from the grasp
+TOOL_CENTRE_M = 0.02  # centre of mass, from the grasp
 HAND_KG = 0.9
 HAND_TO_FLANGE_M = 0.105
 
@@ -35,15 +35,15 @@ _GRASP_AXES = {
     "grasp_roll": ("revolute", "0 1 0"),
 }
 GRASP_JOINTS = tuple(_GRASP_AXES)
-"""Displacements of the tool between the finger tips along x, y, z, then turns about z, x, y."""
+"""Displacements of the tool between the fingertips along x, y, z, then rotations about z, x, y."""
 
-# Bodies between two grasp joints are the skin: next to nothing.
+# Bodies between grasp joints are the skin, with negligible mass
 _SKIN_KG, _SKIN_INERTIA = 1e-4, (1e-8, 1e-8, 1e-8)
 
 
 @lru_cache
 def urdf() -> str:
-    """URDF of the whole robot, without meshes: `scraping_world` computes contact, nothing else can touch."""
+    """URDF of the whole robot, without meshes: contact is computed by `scraping_world`."""
     arm = (Path(pybullet_data.getDataPath()) / "kuka_iiwa" / "model.urdf").read_text()
     arm = re.sub(r"<(visual|collision)>.*?</\1>", "", arm, flags=re.DOTALL)
     parts = [
@@ -75,14 +75,14 @@ def whole() -> Robot:
 
 @lru_cache
 def arm() -> Robot:
-    """The controller's model: the arm with the hand and an unloaded tool, in a rigid grasp; frame `edge`."""
+    """The controller's model: arm with hand and an unloaded tool, rigidly grasped; frame `edge`."""
     model = whole().model
     grasp = [model.getJointId(name) for name in GRASP_JOINTS]
     return robot_of(pinocchio.buildReducedModel(model, grasp, pinocchio.neutral(model)))
 
 
 def joint_angles(position: np.ndarray, rotation: np.ndarray) -> np.ndarray:
-    """Arm posture (7,) in rad near `HOME` that puts the edge frame at a pose, by damped Gauss-Newton steps.
+    """Arm posture (7,) in rad near `HOME` for a pose of the edge frame, by damped Gauss-Newton steps.
 
     `position`: (3,) m, base frame. `rotation`: (3, 3) edge to base. Raises ValueError: it is out of reach.
     """

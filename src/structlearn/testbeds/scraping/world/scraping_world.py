@@ -1,15 +1,15 @@
-"""The scraping testbed as a physical world: torques in, motion and contact out.
+"""Physical simulation of the scraping testbed: torques in, motion and contact out.
 
-The springs of the grasp and the contact of edge and board are computed here and enter as joint torques; the
-robot's own motion is integrated by `rigid_body.compiled_chain`, or by PyBullet (`stages/engines.py`), which
-takes ten times as long and agrees with it. Everything is deterministic: the same torques give the same bits.
+The springs of the grasp and the contact of edge and board are computed here and applied as joint torques; the
+robot's motion is integrated by `rigid_body.compiled_chain`, or by PyBullet (`stages/engines.py`), which takes
+ten times as long and agrees with it. Everything is deterministic: equal torques give equal bits.
 
-The board is a plane; the 11 mm edge is a row of points on a Winkler foundation: each pushes back in
-proportion to how deep it is, with damping, and sticks to the board by a tangential spring until that pulls
-with the Coulomb force, from which on it slides. (Friction as a function of speed alone either chatters at the
+The board is a plane; the 11 mm edge is a row of points on a Winkler foundation. Each point pushes back in
+proportion to its depth, with damping, and sticks to the board by a tangential spring until the spring force
+reaches the Coulomb limit, where it slides. (Friction as a function of speed alone either chatters at the
 physics step, or lets a standing tool creep.)
-A physics engine's own box contact was tried: it hits with 1-2 N and hides the roll torque in stiction. The
-force enters as joint torques through the transposed Jacobian, which is what the force does and saves calls.
+The box contact of a physics engine was tried: it hits with 1-2 N and hides the roll torque in stiction.
+Forces are applied as joint torques through the transposed Jacobian, which is equivalent and saves calls.
 """
 
 from typing import NamedTuple
@@ -33,10 +33,10 @@ from structlearn.testbeds.scraping.world.scraping_robot import (
 EDGE_POINTS = 11
 
 POINTS = ((np.arange(EDGE_POINTS) + 0.5) / EDGE_POINTS - 0.5) * EDGE_WIDTH_M
-"""m along the edge, which lies along the grasp's x axis: the middle of equal pieces. With points at its ends
+"""m along the edge, which is along the grasp's x axis: the middles of equal pieces. With points at its ends
 the roll torque of a tilted board would be a fifth too large."""
 
-# Masses and inertias that each spring of the grasp carries, for its damping: the tool's.
+# Mass or inertia on each spring of the grasp (the tool's), for its damping
 _CARRIED = np.array([TOOL_KG, TOOL_KG, TOOL_KG, 1e-5, 7.4e-5, 7.4e-5])
 
 
@@ -56,7 +56,7 @@ class WorldParameters(Parameters):
 
     @property
     def dt(self) -> float:
-        """Of a control tick, s."""
+        """Control period in s."""
         return 1.0 / self.control_rate_hz
 
 
@@ -69,11 +69,11 @@ class Board(NamedTuple):
     damping: float  # s/m, factor of the force on the approach velocity
     friction: float  # coefficient
     sticking: float  # N/m, tangential stiffness of the whole edge
-    sticking_damping: float  # N s/m of that
+    sticking_damping: float  # N s/m, tangential damping of the whole edge
 
 
 class World(NamedTuple):
-    """Robot, tool and board in one moment; the arrays change in place."""
+    """State of robot, tool and board; arrays are updated in place."""
 
     body: Body  # arm, grasp and tool, thirteen joints
     work: Workspace  # kinematics and dynamics at q and v
@@ -85,10 +85,10 @@ class World(NamedTuple):
     substeps: int  # of these per control tick
     stuck: np.ndarray  # (EDGE_POINTS, 3) m, tangential springs of the contact
     tool_rotation: np.ndarray  # (3, 3) of the tool, base frame, at the last physics step
-    edge: np.ndarray  # (3,) m, middle of the tool's edge then
+    edge: np.ndarray  # (3,) m, middle of the tool's edge at that step
     board_wrench: np.ndarray  # (6,) force of the board on the tool in N, and its torque about the edge in N m
     grasp_load: np.ndarray  # (6,) force and torque of the tool on the hand at the grasp, hand frame
-    torques: np.ndarray  # (13,) N m and N of arm, grasp and contact on the joints
+    torques: np.ndarray  # (13,) N m and N on the joints, from arm, grasp and contact
 
 
 def placed(
@@ -98,17 +98,17 @@ def placed(
     friction_factor: float = 1.0,
     stiffness_factor: float = 1.0,
 ) -> World:
-    """The robot at rest, with the tool hanging in the grasp, and the board in its place.
+    """Robot at rest, with the tool hanging in the grasp, and the board.
 
-    `angles`: (7,) rad, of the arm. `board_roll`: rad, about the base y axis. Factors: of this run, on the
-    board's friction and stiffness.
+    `angles`: (7,) rad, of the arm. `board_roll`: rad, about the base y axis. Factors on the board's friction
+    and stiffness are for this run.
     """
     own, robot = parameters, scraping_robot.whole()
     about_x, about_z, about_y = own.grasp_n_m_rad
     stiffness = np.array([own.grasp_n_m] * 3 + [about_z, about_x, about_y])
     count = ARM_JOINTS + len(GRASP_JOINTS)
     q = np.concatenate([angles, np.zeros(len(GRASP_JOINTS))])
-    q[ARM_JOINTS + 2] = TOOL_KG * GRAVITY / own.grasp_n_m  # fingers point down: the weight pulls along them
+    q[ARM_JOINTS + 2] = TOOL_KG * GRAVITY / own.grasp_n_m  # fingers point down: the weight acts along them
     world = World(
         body=body(robot.tree, robot.inertias),
         work=workspace(count),
@@ -148,7 +148,7 @@ def advance(world: World, torques: np.ndarray) -> None:
 
 @numba.njit(cache=True, error_model="numpy")
 def load(world: World, arm: np.ndarray) -> None:
-    """Write the joint torques of the next physics step: of the arm (7,) in N m, grasp and contact."""
+    """Write the joint torques for the next physics step: of the arm (7,) in N m, grasp and contact."""
     torques = world.torques
     world.tool_rotation[:] = world.work.frame[-1]
     press(world.work, world.v, world.board, world.dt, world.stuck, world.edge, world.board_wrench, torques)
@@ -157,16 +157,16 @@ def load(world: World, arm: np.ndarray) -> None:
         j = ARM_JOINTS + i
         spring = world.grasp[0, i] * world.q[j] + world.grasp[1, i] * world.v[j]
         torques[j] -= spring
-        # joints: displacements x, y, z, then turns about z, x, y
+        # joints: displacements x, y, z, then rotations about z, x, y
         world.grasp_load[i if i < 3 else 3 + (i - 1) % 3] = spring
 
 
 @numba.njit(cache=True, error_model="numpy")
 def tool_wrench(load: np.ndarray, hand: np.ndarray, tool: np.ndarray, wrench: np.ndarray) -> None:
-    """Write what the tool exerts on the board, from what the wrist sensor feels at the grasp.
+    """Write the wrench of the tool on the board, from that of the wrist sensor at the grasp.
 
-    The tool's weight is taken off with its *current* orientation: with that of the hand, a tool that gives
-    way would seem to be loaded, and roll control would settle at twice the tilt.
+    The tool's weight is compensated with its *current* orientation: with the hand's orientation, a compliant
+    tool would seem loaded, and roll control would settle at twice the tilt.
 
     `load`: (6,) `World.grasp_load`. `hand`: (3, 3) of the hand, base frame. `tool`: (3, 3) of the tool, base
     frame. `wrench`: (6,) written: force in N and torque about the tool's edge in N m, base frame.
@@ -193,12 +193,12 @@ def press(
     wrench: np.ndarray,
     torques: np.ndarray,
 ) -> None:
-    """Contact wrench on the tool at its edge, and the joint torques that it amounts to.
+    """Contact wrench on the tool at its edge, and the equivalent joint torques.
 
     `work`: kinematics of the robot whose last link is the tool, with joint velocities `v` (J,). `dt`: s since
-    the last call. `stuck`: (EDGE_POINTS, 3) m, deflection of the tangential springs, carried on from call to
-    call. Written: `middle` of the edge (3,) m; `wrench` (6,), force of the board on the tool in N and its
-    torque about the middle in N m; `torques` (J,) of the joints.
+    the last call. `stuck`: (EDGE_POINTS, 3) m, deflections of the tangential springs, kept between calls.
+    Written: `middle` of the edge (3,) m; `wrench` (6,), force of the board on the tool in N and its torque
+    about the middle in N m; `torques` (J,) of the joints.
     """
     frame, place, normal = work.frame[-1], work.place[-1], board.normal
     for i in range(3):
@@ -212,7 +212,7 @@ def press(
     slope = _dot(along, normal)
     if height - 0.5 * EDGE_WIDTH_M * abs(slope) > 0.0:
         stuck[:] = 0.0
-        return  # in the air
+        return  # no contact
 
     angular, linear = _velocity_at(work.screw, v, middle)
     for i in range(EDGE_POINTS):
@@ -228,7 +228,7 @@ def press(
         for d in range(3):
             wrench[d] += force[d]
             wrench[3 + d] += torque[d]
-    turning = cross(middle, wrench)  # of the force about the base's origin, as screws have it
+    turning = cross(middle, wrench)  # torque about the base origin, as for screws
     for j in range(len(torques)):
         screw = work.screw[j]
         for d in range(3):
@@ -242,7 +242,7 @@ def _dot(a: np.ndarray | tuple, b: np.ndarray | tuple) -> float:
 
 @compiled_inside
 def _velocity_at(screws: np.ndarray, v: np.ndarray, point: np.ndarray) -> tuple[tuple, tuple]:
-    """Angular velocity of the last link, and linear velocity of a point of it."""
+    """Angular velocity of the last link, and linear velocity of a point on it."""
     w0 = w1 = w2 = v0 = v1 = v2 = 0.0
     for j in range(len(v)):
         w0 += v[j] * screws[j, 0]
@@ -257,7 +257,7 @@ def _velocity_at(screws: np.ndarray, v: np.ndarray, point: np.ndarray) -> tuple[
 
 @compiled_inside
 def _push_back(velocity: tuple, depth: float, board: Board, dt: float, stuck: np.ndarray) -> tuple:
-    """Force (3,) in N on one point of the edge; its tangential spring `stuck` (3,) moves on."""
+    """Force (3,) in N on one point of the edge; its tangential spring `stuck` (3,) is updated."""
     normal = board.normal
     approach = _dot(velocity, normal)
     push = max(board.stiffness / EDGE_POINTS * depth * (1.0 - board.damping * approach), 0.0)
@@ -273,7 +273,7 @@ def _push_back(velocity: tuple, depth: float, board: Board, dt: float, stuck: np
         stiffness * stuck[2] + damping * (velocity[2] - approach * normal[2]),
     )
     size, largest = np.sqrt(_dot(drag, drag)), board.friction * push
-    if size > largest:  # it slides, and the spring keeps what it can hold
+    if size > largest:  # sliding: the spring keeps the largest force it can hold
         kept = largest / size
         drag = (kept * drag[0], kept * drag[1], kept * drag[2])
         for d in range(3):

@@ -1,13 +1,13 @@
-"""The simulated testbed in numbers, and what a single run on it meets.
+"""Parameters of the simulated testbed, conditions of single runs, and guided demonstrations.
 
-The same robot, fingers and board serve all stages; what differs between runs of a real set-up is drawn from a
-seed of each run, so any run can be repeated alone, bit for bit.
+The same robot, fingers and board serve all stages; variations between runs are drawn from a seed per run, so
+any run can be repeated alone, bit for bit.
 
 A person who guides the arm (kinesthetic teaching, IV.9.1.3, i) makes the nominal demonstrations. The arm is
-in gravity compensation; what the person's own arm does to it is again a pose reference with a natural
-frequency, softer than the robot's. People who have practised compensate the inertia of what they hold
-(Shadmehr & Mussa-Ivaldi 1994), so the intended velocity and acceleration are fed forward and only the noise
-is filtered by the arm's inertia. Pressure on the board is regulated by feel, slowly.
+gravity-compensated; the person's own arm acts as a pose reference with a natural frequency, softer than the
+robot's. Trained people compensate the inertia of what they hold (Shadmehr & Mussa-Ivaldi 1994), so the
+intended velocity and acceleration are fed forward, and only the noise is filtered by the arm's inertia.
+Pressure on the board is regulated by feel, slowly.
 """
 
 from functools import partial
@@ -39,7 +39,7 @@ from structlearn.testbeds.scraping.world.execution import (
 )
 from structlearn.testbeds.scraping.world.scraping_world import WorldParameters
 
-RECORDED_EVERY = 3  # Control ticks per message of the joints and of motion capture: 100 Hz at 300 Hz
+RECORDED_EVERY = 3  # control ticks per message of the joints and of motion capture: 100 Hz at 300 Hz
 FINGERS = ("left", "right")
 
 
@@ -62,7 +62,7 @@ class GuidanceParameters(Parameters):
 
 
 class VariationParameters(Parameters):
-    """What differs between runs. Fields: `params.yaml`, `testbed.variation`."""
+    """Variations between runs. Fields: `params.yaml`, `testbed.variation`."""
 
     board_roll_deg: float = Field(ge=0)
     friction: float = Field(ge=0)
@@ -72,7 +72,7 @@ class VariationParameters(Parameters):
 class TestbedParameters(Parameters):
     """The simulated testbed: the same robot, fingers and board for all stages."""
 
-    __test__ = False  # not a test, whatever pytest thinks of its name
+    __test__ = False  # not a test, despite its name
 
     seed: int = Field(ge=0)
     sensor_seed: int = Field(ge=0)
@@ -86,7 +86,7 @@ class TestbedParameters(Parameters):
 
     @property
     def finger_rate_hz(self) -> float:
-        """Samples per second that the fingers give."""
+        """Samples of the fingers per second."""
         return self.world.control_rate_hz / FINGER_TICKS
 
 
@@ -98,7 +98,7 @@ def run_conditions(
     force: np.ndarray,
     gains: tuple[float, float],
 ) -> Conditions:
-    """What one run meets: the board's roll (set in rad), friction and stiffness vary, drawn from `rng`."""
+    """Conditions of one run: board roll (in rad), friction and stiffness with variations from `rng`."""
     own = testbed.variation
     roll, friction, board = rng.standard_normal(3)
     return Conditions(
@@ -120,10 +120,10 @@ def recorded(
     rng: np.random.Generator,
     provenance: dict[str, str],
 ) -> Recording:
-    """A run as it is recorded: pose and wrench at the controller's rate, all other streams slower.
+    """Recording of a run: pose and wrench at the controller's rate, all other streams slower.
 
     `index`: sets the recorder's clock. `segments`: (P, 2) s, start and end of the primitives. `provenance`:
-    what it was, the setting and the seed.
+    kind of run, setting and seed.
     """
     dt, devices = testbed.world.dt, testbed.recorder
     ticks = np.arange(len(log.position))
@@ -157,10 +157,10 @@ def recorded(
 
 
 def guided_motion(movement: Intention) -> Reference:
-    """The intended movement as a pose reference."""
+    """An intended movement as a pose reference."""
     step = movement.time[1]
     velocity = np.gradient(movement.edge, step, axis=0)
-    turning = np.gradient(movement.tilt, step, axis=0)  # small angles: the vector's rate
+    turning = np.gradient(movement.tilt, step, axis=0)  # small angles: rate of the rotation vector
     return Reference(
         position=movement.edge + movement.edge_noise,
         velocity=velocity,
@@ -173,7 +173,7 @@ def guided_motion(movement: Intention) -> Reference:
 
 
 def pressure(parameters: GuidanceParameters, ticks: int, dt: float, rng: np.random.Generator) -> np.ndarray:
-    """Force (ticks,) in N that the person intends to press with in one trial."""
+    """Force (ticks,) in N that the person intends to apply in one trial."""
     from scipy.signal import lfilter
 
     level = parameters.force_n * np.exp(parameters.force_spread * rng.standard_normal())
@@ -189,7 +189,7 @@ def guided_demonstrations(
     movements = intended_movements(demonstrator, testbed.world.control_rate_hz)
     guide = partial(_guide, testbed=testbed, seed=demonstrator.seed)
     first, *others = movements
-    # the first in this process, which compiles the robot once; each worker would do so again
+    # the first in this process, which compiles once; otherwise each worker would
     return [guide(first), *parallel_map(guide, others, "guided demonstrations")]
 
 

@@ -35,18 +35,18 @@ from structlearn.testbeds.servoing.protocol.servo_variants import RESTING, Varia
 
 BOUNDS = {"reconstruction": PUBLISHED["reconstruction_nmse"], "distances": PUBLISHED["distances_nmse"]}
 
-MAP_SAMPLES = 12_000  # samples of the map that are drawn: more hide each other
+MAP_SAMPLES = 12_000  # drawn samples of the map; more would hide each other
 FEWEST = 10  # samples in a square of skin below which no mean error is drawn
-TOLERANCES_MM = np.linspace(0.25, 4.0, 16)  # at which success is looked at
+TOLERANCES_MM = np.linspace(0.25, 4.0, 16)  # at which success is evaluated
 
 DASHES: Mapping[str, LineStyleType] = {form: "-" if form == RESTING else "--" for form in names.FORM_NAMES}
 
-SCALE = 10.0  # of the still: the camera sees nothing nearer than 5 cm
+SCALE = 10.0  # of the still: the camera does not see closer than 5 cm
 SKIN, ELECTRODE, HANDLE = (0.45, 0.49, 0.55, 1.0), (0.9, 0.62, 0.0, 1.0), (0.8, 0.72, 0.6, 1.0)  # rgba
 ELECTRODE_M = 0.0006  # radius of the mark on the skin over an electrode
-HANDLE_M = 0.04  # length of the handle that is drawn, without its round ends
-ALONG_M = -0.006  # where along the finger it touches the handle
-ACROSS = np.array([0.0, 0.0, 0.5 * np.pi])  # how the handle is turned from the finger
+HANDLE_M = 0.04  # drawn length of the handle, without its round ends
+ALONG_M = -0.006  # contact with the handle, along the finger
+ACROSS = np.array([0.0, 0.0, 0.5 * np.pi])  # rotation of the handle relative to the finger
 VIEW = View(target=(0.0, 0.0, 0.06), distance=0.66, yaw_deg=35.0, pitch_deg=-8.0)
 
 
@@ -85,10 +85,10 @@ def _lines(labels: Mapping[LineStyleType, str]) -> list[Artist]:
 
 
 def _scene_still(results: ServoingResults) -> np.ndarray:
-    """Still (H, W, 3) of the finger across the handle, with its skin all round."""
+    """Still (H, W, 3) of the finger across the handle, with its complete skin."""
     skin, radius = results.skin, 1e-3 * results.chosen["toucher"].handle_radius_mm
     touched = skin.surface(ALONG_M, 0.0)
-    over = -touched - radius * skin.normal(touched)  # origin of the finger in the frame of the handle
+    over = -touched - radius * skin.normal(touched)  # origin of the finger in the handle's frame
     half = np.array([0.5 * HANDLE_M, 0.0, 0.0])
     bar = replace(skin, core_low=-half, core_high=half, radius=radius)
     marks = [
@@ -100,7 +100,7 @@ def _scene_still(results: ServoingResults) -> np.ndarray:
 
 
 def _all_round(skin: Skin, position: np.ndarray, turned: np.ndarray, colour: tuple[float, ...]) -> Sheet:
-    """The surface round the whole core, which is closed at both ends, turned by a rotation vector."""
+    """Surface around the whole core, closed at both ends, rotated by a rotation vector."""
     orientation = quaternion.from_rotation_vector(turned)
     turn = 0.5 * np.pi * skin.radius
     along, across = np.meshgrid(
@@ -128,7 +128,7 @@ def _approach(results: ServoingResults) -> Figure:
 
 
 def _maps(results: ServoingResults) -> list[Raster]:
-    """Figure II.3: the flat map beside the skin, every sample by its most active electrode."""
+    """Figure II.3: the flat map and the skin, samples coloured by their most active electrode."""
     electrode = results.models.latent_map["electrode"].to_numpy()
     colours = np.array(names.electrode_colours(len(results.skin.electrodes)))
     kept = np.linspace(0, len(electrode) - 1, min(MAP_SAMPLES, len(electrode))).astype(int)
@@ -168,7 +168,7 @@ def _contacts(results: ServoingResults) -> list[Figure]:
 
 
 def _electrodes(axes: Axes, skin: Skin) -> None:
-    """The flat skin: its electrodes."""
+    """Draw the electrodes on the flat skin."""
     places = 1e3 * np.stack(skin.coordinates(skin.project(skin.electrodes)))
     axes.plot(*places, "o", color=LIGHT_GREY, markersize=7, zorder=0)
     axes.set_aspect("equal")
@@ -205,7 +205,7 @@ def _line(axes: Axes, values: pd.DataFrame, colour: str, **look: Any) -> None:
 
 
 def _forward(models: ModelScores, kind: tuple[str, str]) -> list[Figure]:
-    """Figure II.4 of one model: NMSE over the chain; and over the error that nothing moves."""
+    """Figure II.4 for one model: NMSE over the chain, and relative to the prediction of no motion."""
     panels = []
     for values, quantity in ((models.forwards, "NMSE"), (models.relative_forwards, "over “nothing moves”")):
         label = quantity if quantity == "NMSE" else f"NMSE {quantity}"
@@ -265,7 +265,7 @@ def _directions(models: ModelScores, structure: bool) -> Figure:
 
 
 def _success(results: ServoingResults, form: str) -> Figure:
-    """Share of targets that controllers of one form reach."""
+    """Share of targets reached by controllers of one form."""
 
     def share(structure: bool, name: InverseModel, with_loss: bool) -> list[float]:
         found = rate(results.trials, Variant(form, name, structure, with_loss))

@@ -1,9 +1,9 @@
 """Findings on tactile servoing, for sentences and claims of the page.
 
-Claims and sentences are over people. The study `servoing/people` runs the whole branch for each, with new
-demonstrations, sensor, models and trials, so people are independent; seeds of one person's models are not. A
-person's row `servo_success_rate` is a sample of `people_servo_success_rate`, which n counts. Rows of the
-person of this run are gathered by the study; no verdict rests on them.
+Claims and sentences are over people. The study `servoing/people` runs the whole branch for each person, with
+new demonstrations, sensor, models and trials, so people are independent; seeds of one person's models are
+not. A person's row `servo_success_rate` is a sample of `people_servo_success_rate`, which n counts. Rows of
+this run's person are collected by the study; no verdict rests on them.
 """
 
 from collections.abc import Callable, Mapping
@@ -41,10 +41,10 @@ from structlearn.testbeds.servoing.protocol.servo_variants import (
     variants_of_other_skins,
 )
 
-PUBLISHED = read_values(Path(__file__).with_name("published.yaml"))  # numbers as the dissertation prints them
+PUBLISHED = read_values(Path(__file__).with_name("published.yaml"))  # values printed in the dissertation
 
-PEOPLE_STUDY = "servoing/people"  # the study that verdicts stand on
-TEST_CHAIN = 3  # steps of prediction on which forward models are compared; they learn from two (II.4.4)
+PEOPLE_STUDY = "servoing/people"  # study that verdicts rest on
+TEST_CHAIN = 3  # prediction steps at which forward models are compared; they train on two (II.4.4)
 SQUARE_MM = 1.5  # side of the squares of skin in which errors are gathered
 
 TEXT_LL = replace(TEXT, inverse=LOCALLY_LINEAR)  # not tried on a robot in the text
@@ -59,18 +59,18 @@ HEADLINES_OF_ONE = {
     "cosine_distance": ("nj", "nj_without_loss"),
     RATE: ("", "published", "nostruct", "sphere", "flat_pad"),
 }
-"""Headlines where the study was not run with these parameters, to compare experiments by."""
+"""Headlines for comparing experiments if the study was not run with these parameters."""
 
 PREDICTED = {
     f"chain{TEST_CHAIN}_{part}{SPACE_KEYS[space]}": (part.rstrip("_") or "nmse", space)
     for part, space in product(("", "plane_", "third_", "pressure_", "electrodes_"), STRUCTURES)
 }
-"""Cases of the forward NMSE of NL with NJ: column of `ModelScores.forwards`, and whether with structure."""
+"""Cases of the forward NMSE of NL with NJ: column of `ModelScores.forwards`, and structure."""
 
 
 @dataclass(frozen=True)
 class ModelScores:
-    """Tables of `tactile.latent_comparison.LatentComparison`, and arrays of them over S seeds."""
+    """Tables of `tactile.latent_comparison.LatentComparison`, and arrays from them over S seeds."""
 
     latent: pd.DataFrame
     forward: pd.DataFrame
@@ -81,7 +81,7 @@ class ModelScores:
 
     @property
     def steps(self) -> list[int]:
-        """Lengths of chains on which forward models were tested."""
+        """Chain lengths at which forward models were tested."""
         return sorted(self.forward["steps"].unique().tolist())
 
     def latents(self, column: str, structure: bool = True, split: str = "test") -> np.ndarray:
@@ -105,7 +105,7 @@ class ModelScores:
     def relative_forwards(
         self, forward: str, trained_with: str, structure: bool = True, steps: int = TEST_CHAIN
     ) -> np.ndarray:
-        """Forward NMSE over that of the prediction that nothing moves (S,)."""
+        """Forward NMSE relative to the prediction of no motion (S,)."""
         still = self.forwards(*STILL, structure, steps)
         return self.forwards(forward, trained_with, structure, steps) / still
 
@@ -127,12 +127,12 @@ class ModelScores:
         return rows.groupby("seed")["distance"].mean().to_numpy()
 
     def training(self, quantity: str) -> pd.DataFrame:
-        """A key figure while training, with structure: rows are steps, columns seeds."""
+        """A key figure during training, with structure: rows are steps, columns seeds."""
         rows = self.curve[self.curve["structure"] & (self.curve["quantity"] == quantity)]
         return rows.pivot_table("value", "step", "seed")
 
     def steps_until(self, quantity: str, bound: float) -> int | None:
-        """Steps of training from which on a key figure stays below a bound in all seeds, if ever."""
+        """Training step after which a key figure stays below a bound in all seeds, or None."""
         above = (self.training(quantity).max(axis=1) >= bound)[::-1].cummax()
         return None if above.iloc[0] else int(above.index[~above][-1])
 
@@ -152,7 +152,7 @@ class ServoingResults:
     loops: Mapping[str, pd.DataFrame]  # tables of `protocol.servo_trials.compare`
     skin_tables: Mapping[str, pd.DataFrame]  # of other skins, `latent`, `directions`, `trials`, by `skin`
     chosen: Mapping[str, Any]  # parameters by their key in `params.yaml`
-    study: Study | None  # over people; None where it was not run
+    study: Study | None  # over people; None if it was not run
 
     @property
     def skin(self) -> Skin:
@@ -196,7 +196,7 @@ class ServoingResults:
 
     @cached_property
     def map_on_skin(self) -> np.ndarray:
-        """The latent map (N, 2) in mm, laid onto the surface coordinates."""
+        """The latent map (N, 2) in mm, aligned with the surface coordinates."""
         unit_mm = 1e3 * self.chosen["train_latent"].map_unit_m
         flat = unit_mm * self.models.latent_map[["x", "y"]].to_numpy(float)
         return map_laying(flat, self.places)(flat)
@@ -241,7 +241,7 @@ def contact_bias(errors: pd.DataFrame) -> pd.DataFrame:
 
 
 def findings(results: ServoingResults) -> Findings:
-    """All findings of the page; those over people are not tested where the study was not run."""
+    """All findings of the page; those over people are not tested if the study was not run."""
     find = Findings(f"models of person {results.chosen['toucher'].seed}")
     _of_person(find, results)
     if not results.people.count:
@@ -251,7 +251,7 @@ def findings(results: ServoingResults) -> Findings:
 
 
 def over_people(find: Findings, results: ServoingResults) -> None:
-    """Rows that claims and sentences rest on."""
+    """Rows used by claims and sentences."""
     _prediction(find, results.people)
     _closed_loop(find, results)
 
@@ -284,7 +284,7 @@ def forward_case(
 
 
 def key(*words: str) -> str:
-    """Name of a finding, or of a case of it, from its words; empty ones are left out."""
+    """Name of a finding or case from its words; empty ones are left out."""
     return "_".join(filter(None, words))
 
 
@@ -398,7 +398,7 @@ def _closed_loop(find: Findings, results: ServoingResults) -> None:
         with_skins = {SKIN_NAMES[skin]: rates(variant, skin) for skin in results.skins}
         its = rates(variant)
         serves = variant == OURS or (its is not None and _clustered(trials, its).low > 0.5)
-        # if a controller fails, failing elsewhere or without the loss says nothing
+        # if a controller fails anyway, failing elsewhere or without the loss says nothing
         if variant != OURS:
             share(f"loss_needed{ending}", rates(replace(variant, with_loss=False)) if serves else None)
         if serves:
@@ -411,7 +411,7 @@ def _closed_loop(find: Findings, results: ServoingResults) -> None:
 
 
 def _clustered(trials: int, rates: np.ndarray, comparisons: int = 1) -> Evidence:
-    """A share over people of as many trials each, from their rates (P,)."""
+    """Share over people with equal numbers of trials, from their rates (P,)."""
     return clustered_share(np.rint(trials * rates), np.full(len(rates), trials), comparisons)
 
 

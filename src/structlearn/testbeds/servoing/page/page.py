@@ -1,4 +1,4 @@
-"""The page of the servoing testbed: its tables, and names for its template."""
+"""Page of the servoing testbed: its tables, and values for its template."""
 
 from collections.abc import Mapping
 from itertools import product
@@ -126,7 +126,7 @@ def latent_table(models: ModelScores) -> pd.DataFrame:
 def forward_table(models: ModelScores) -> pd.DataFrame:
     """Forward NMSE by model, space and steps (figure II.4): mean and half 95 % interval over seeds.
 
-    `relative` is over the error of the prediction that nothing moves; of `PARTS` there are means.
+    `relative` is relative to the prediction of no motion; for `PARTS` there are means.
     """
     rows = []
     for kind, structure, steps in product((STILL, *DYNAMICS), STRUCTURES, models.steps):

@@ -1,1 +1,1 @@
-"""Which controllers servo from where to where, and how well."""
+"""Closed-loop trials of controllers, and their scores."""

@@ -12,7 +12,7 @@ from structlearn.tactile.electrodes import path_length, skin_distance
 from structlearn.testbeds.servoing.protocol.servo_variants import ToleranceParameters, Variant
 from structlearn.testbeds.servoing.world.servo_loop import Held, Scene, Servoed
 
-THINNED = 10  # samples of the electrodes per point of a path; tremor of the contact between them is no travel
+THINNED = 10  # electrode samples per point of a path; faster tremor of the contact does not count as travel
 
 KEYS = [field.name for field in fields(Variant)]  # columns that name a controller
 
@@ -22,9 +22,9 @@ def scored(
 ) -> pd.DataFrame:
     """Scores of B trials, a row each.
 
-    `position_error_mm`, `pressure_error` and `load_error` (both relative) at the end; `success`; `reach_s`
-    from which on both tolerances are kept, or NaN; `path_mm` of the contact and the shortest, `geodesic_mm`;
-    `lifted` and `off_skin`: whether the finger was ever in the air, the contact ever beyond the skin's ends.
+    `position_error_mm`, `pressure_error` and `load_error` (both relative) at the end; `success`; `reach_s`,
+    time after which both tolerances are kept, or NaN; `path_mm` of the contact and `geodesic_mm`, the
+    shortest; `lifted` and `off_skin`: whether contact was ever lost, or ever beyond the skin's ends.
     """
     skin = scene.finger.skin
     judged = round(tolerance.judged_s * scene.sample_hz)
@@ -100,7 +100,7 @@ def success_by_tolerance(
 class ControllerScores:
     """Closed loops of several controllers."""
 
-    trials: pd.DataFrame  # see `protocol.servo_trials.compare`; all controllers met the same contacts
+    trials: pd.DataFrame  # see `protocol.servo_trials.compare`; all controllers had the same contacts
 
     @cached_property
     def rates(self) -> pd.DataFrame:
@@ -123,7 +123,7 @@ class ControllerScores:
         return groups[["trials", "success", "lost"]].sum()
 
     def only_pressed_wrong(self, variant: Variant, position_mm: float) -> int:
-        """Number of missed targets within a distance of the contact: only its pressure is off."""
+        """Number of missed targets whose contact is within a distance: only the pressure is wrong."""
         rows = rows_of(self.trials, variant)
         return int((~rows["success"] & (rows["position_error_mm"] <= position_mm)).sum())
 

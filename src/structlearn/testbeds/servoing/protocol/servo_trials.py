@@ -1,4 +1,4 @@
-"""Closed loops of all controllers on the same random trials, so that they are compared in pairs.
+"""Closed loops of all controllers on the same random trials, for paired comparison.
 
 Published controllers are those of the text; resting ones correct their model (`tactile.servo_controller`).
 Both see the same electrodes and act at the same rate, which is higher than the models' step rate; the text
@@ -59,7 +59,7 @@ def compare(
     parameters: ServoTrialParameters,
     chosen: Sequence[Variant],
 ) -> dict[str, pd.DataFrame]:
-    """Servo with some controllers, all on the same trials where the person demonstrated.
+    """Servo with some controllers, all on the same trials in the demonstrated region.
 
     Returns tables by name, with the columns of `Variant`. `trials`: `seed`, `trial`, `motion`, contacts and
     latent states of start and target, and `servo_scores.scored`; `progress`: see `servo_scores.progress`;
@@ -113,7 +113,7 @@ def make_controller(
         inverse=variant.inverse, trained_with_inverse=variant.with_loss, horizon=variant.horizon, **own
     )
     loop = parameters.loop_of_data if variant.change == AS_DATA else parameters.loop
-    # the models' step, even where an action is replaced before the step is over
+    # the models' step length, even if an action is replaced earlier
     steps = sample_hz / TEST_STRIDE, max(1, round(TEST_STRIDE / loop.samples_per_action))
     whole = (*trained, variant.structure, servo_parameters, *steps)
     if variant.form == PUBLISHED:
@@ -204,8 +204,8 @@ def learn_other_skin(
 ) -> LatentComparison:
     """Demonstrate and learn with a finger of another shape by the same code, with fewer models.
 
-    The method claims not to assume the skin's geometry (II.5): distances on the skin come from neighbouring
-    contact points, and these from electrodes.
+    The method claims not to assume the skin's geometry (II.5): geodesic distances are computed from
+    neighbouring contact points, and these from electrodes.
     """
     person = other.person_with(name, person)
     recordings = [recorded(run, person) for run in demonstrate(person, finger)]

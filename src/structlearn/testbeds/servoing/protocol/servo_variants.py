@@ -1,4 +1,4 @@
-"""Controllers that are compared in closed loop, and their parameters."""
+"""Controllers compared in closed loop, and their parameters."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -22,7 +22,7 @@ PUBLISHED, RESTING = "published", "resting"  # forms of the controllers
 AS_DATA = "filter and rate of the data"
 ALL_ALIKE, DERIVATIVE, UNCORRECTED = "all actions alike", "derivative at rest", "model never corrected"
 CHANGES = (AS_DATA, ALL_ALIKE, DERIVATIVE, UNCORRECTED)
-"""Ablations of the resting controller; the first is one of the published controller too."""
+"""Ablations of the resting controller; the first one also of the published controller."""
 
 
 class ToleranceParameters(Parameters):
@@ -97,7 +97,7 @@ def variants(horizon: int) -> list[Variant]:
 
 
 def variants_of_other_skins() -> list[Variant]:
-    """Those that are also compared with other skins."""
+    """Controllers that are also compared with other skins."""
     return [Variant(form, inverse) for form in (PUBLISHED, RESTING) for inverse in FORWARD_OF]
 
 
@@ -105,7 +105,7 @@ SkinName = Literal["biotac", "flat_pad", "sphere"]
 
 
 class OtherSkin(Parameters):
-    """What is demonstrated on a skin, see `simulation.touch_demonstrator.ToucherParameters`."""
+    """Demonstrations on a skin, see `simulation.touch_demonstrator.ToucherParameters`."""
 
     along_mm: tuple[float, float]
     across_deg: float = Field(ge=0, le=80)

@@ -1,4 +1,4 @@
-"""Recordings of demonstrated touch (II.4.1.1), and of the latent map beside the skin (figure II.3)."""
+"""Recordings of demonstrated touch (II.4.1.1), and of the latent map with the skin (figure II.3)."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -130,7 +130,7 @@ def write_touch_demonstrations(
 def handle_place(one: ShownTouch, skin: Skin, handle_radius: float) -> tuple[np.ndarray, np.ndarray]:
     """Centre (3,) m and horizontal unit axis (3,) of the handle, base frame, inferred from the contacts.
 
-    The finger's x axis lies across the handle; the middle of the handle is behind the contacts.
+    The finger's x axis is across the handle, and the handle's middle is behind the contacts.
     """
     behind = one.contact_point + handle_radius * skin.normal(one.contact_point)
     turned = quaternion.rotate(one.motion.orientation[one.rows], behind)

@@ -23,7 +23,7 @@ from structlearn.viewer.rrd import colour_words, entity, layout, recording, rgba
 TITLE = "Touch: closed loops"
 
 SHOWN = {FORM_NAMES[variant.form]: variant for variant in (TEXT, OURS)}
-"""Controllers that are shown beside each other."""
+"""Controllers shown side by side."""
 
 PLOTS = {
     "distance": "true contact from its target (mm)",
@@ -108,7 +108,7 @@ def _send_ways(stream: rr.RecordingStream, path: str, run: ServoRun, flat_skin: 
         on_skin = flat_skin.places(run.columns("{}_m")[touching])
         scene.send_map_path(stream, f"{path}/contact", time[touching], on_skin, TRUE)
     angle = np.linspace(0.0, 2 * np.pi, 41)[:, None]
-    ring = np.hstack([np.cos(angle), np.sin(angle)])  # of 1 mm: what counts as reached
+    ring = np.hstack([np.cos(angle), np.sin(angle)])  # radius 1 mm: the tolerance
     for name, place, colour in (
         ("latent target", flat_skin.latent(run.of_trial("target_latent_{}")), LATENT),
         ("target", flat_skin.places(run.of_trial("target_{}_m")), TRUE),

@@ -1,8 +1,9 @@
 """Tactile servoing in closed loop, for many fingers at once (II.4.6).
 
-A finger rests on the handle at some place of its skin with some load. A controller sees its electrodes and
-commands velocities until the electrodes read as at another place and load. The robot follows with a small
-delay at its own rate; electrodes are read more slowly, through a causal low-pass; actions come slower still.
+A finger rests on the handle, touching it at some place of its skin with some load. A controller sees its
+electrodes and commands velocities until they read as at another place and load. The robot follows with a
+small delay at its own rate; electrodes are read more slowly, through a causal low-pass; actions come at a
+lower rate.
 """
 
 from dataclasses import dataclass
@@ -67,7 +68,7 @@ class Scene:
 
 
 class Held(NamedTuple):
-    """B fingers that have been pressed on the handle and rest there."""
+    """B fingers pressed on the handle and at rest."""
 
     position: np.ndarray  # (B, 3) m
     orientation: np.ndarray  # (B, 4) finger to base
@@ -90,7 +91,7 @@ class Servoed:
 
 
 class LowPass:
-    """Butterworth low-pass of signals (T, B, E) that come piece by piece, zero before the first."""
+    """Causal Butterworth low-pass of signals (T, B, E) that arrive in pieces; zero initial state."""
 
     def __init__(self, cutoff_hz: float, rate_hz: float, shape: tuple[int, int]) -> None:
         from scipy.signal import butter
