@@ -1,8 +1,8 @@
 """Colours (`#rrggbb`) and names of methods, shared by pages and recordings.
 
-The categorical colours are those of Okabe and Ito, which people with common colour blindness can tell apart,
-without yellow; ochre, pink and light blue are darker than theirs, so that every line has a contrast of 3:1
-on white and on the dark ground of recordings.
+The categorical colours are those of Okabe and Ito, which are distinguishable with common colour blindness,
+without yellow; ochre, pink and light blue are darker than theirs, so that every line has a contrast of 3:1 on
+white and on the dark background of recordings.
 """
 
 from typing import NamedTuple
@@ -16,16 +16,16 @@ ORANGE = "#d55e00"
 PINK = "#c0669a"
 LIGHT_BLUE = "#2f9bd8"
 BLACK = "#1b1f24"
-GREY = "#6f7780"  # what is context: other demonstrations, true values
+GREY = "#6f7780"  # context: other demonstrations, true values
 LIGHT_GREY = "#8d959d"
-WHITE = "#d5d9de"  # on the dark ground of recordings alone
+WHITE = "#d5d9de"  # only on the dark background of recordings
 
 COLOUR_NAMES = {BLUE: "blue", OCHRE: "ochre", GREEN: "green", ORANGE: "orange", PINK: "pink"}
 COLOUR_NAMES |= {LIGHT_BLUE: "light blue", GREY: "grey", LIGHT_GREY: "light grey", WHITE: "white"}
 
 
 class Look(NamedTuple):
-    """Name in texts, legends, tables and recordings, and colour."""
+    """Name (in texts, legends, tables and recordings) and colour."""
 
     name: str
     colour: str
@@ -33,18 +33,18 @@ class Look(NamedTuple):
 
 CATEGORICAL_COLOURS = (BLUE, ORANGE, GREEN, OCHRE, PINK, LIGHT_BLUE, BLACK, GREY)
 
-# primitives in their order of time; a longer sequence starts again
+# primitives in order of time; a longer sequence repeats the colours
 PRIMITIVE_COLOURS = (BLUE, OCHRE, GREEN, PINK, ORANGE, LIGHT_BLUE)
 
-# x, y, z in the order of time plots
+# x, y, z in time plots
 AXIS_COLOURS = (ORANGE, GREEN, BLUE)
 
-# what a curve is, rather than which of several
+# roles of curves
 REFERENCE_COLOUR = BLACK
 DEMONSTRATION_COLOUR = GREY
 REPRODUCTION_COLOUR = ORANGE
 
-# ways of finding cut points, from the plainest to ours
+# methods of finding cut points, from the simplest to ours
 METHOD_NAMES = {
     "zvc": "zero-velocity crossing",
     "dtw": "time warping",
@@ -59,9 +59,9 @@ PHASE_PATHS = {
     "coupling": Look("with learned coupling", REPRODUCTION_COLOUR),
     "spread": Look("mean of the training runs", BLACK),
 }
-"""Paths that corrected runs are compared with; tables hold distances to them as `KEY_mm`."""
+"""Paths compared with corrected runs; tables contain distances to them as `KEY_mm`."""
 
-# who or what moves a hand through a scene of obstacles, in the order of tables
+# what moves a hand through a scene of obstacles, in the order of tables
 SCENE_WAYS = {
     "none": Look("baseline alone", BLACK),
     "human_inspired": Look("human-inspired (Rai et al.)", OCHRE),
@@ -78,11 +78,11 @@ def primitive_colour(index: int) -> str:
 
 
 PLATE_CORNERS = ((BLUE, GREEN), (ORANGE, OCHRE))
-"""Colours of a plate's corners, by x and y, between which places are blended."""
+"""Colours of a plate's corners, by x and y; places between them are blended."""
 
 
 def place_colours(places: np.ndarray) -> np.ndarray:
-    """Colours (N, 3), bytes, of places (N, 2) on a plate."""
+    """Colours (N, 3), bytes, of positions (N, 2) on a plate."""
     corners = np.array([[[int(c[i : i + 2], 16) for i in (1, 3, 5)] for c in row] for row in PLATE_CORNERS])
     part = (places - places.min(axis=0)) / np.maximum(np.ptp(places, axis=0), 1e-12)
     weights = np.stack([1.0 - part, part], axis=-1)  # (N, 2, 2): axis, end

@@ -1,8 +1,8 @@
-"""Compare the files of the pipeline with what its stages wrote: `python -m structlearn.verify [FILE ...]`.
+"""Compare files of the pipeline with what its stages wrote: `python -m structlearn.verify [FILE ...]`.
 
-Without arguments every output that a `dvc.lock` names is read and its digest compared; DVC itself looks at
-times and sizes first, so it does not detect bit rot. With arguments the checksums of single files are checked
-(arrays, skills, tables, bags). Ends with code 1 if a file is not as it was written.
+Without arguments, every output listed in a `dvc.lock` is read and its digest compared; DVC itself checks
+times and sizes first, so it does not detect bit rot. With arguments, the checksums of single files are
+verified (arrays, skills, tables, bags). The exit code is 1 if a file differs from what was written.
 """
 
 import argparse
@@ -19,11 +19,11 @@ from structlearn.core.params import read_values
 from structlearn.core.reading import digest as file_digest
 from structlearn.readers.bag import read_bag
 
-SKILL = '{"reactive_skill"'  # begins the description of a skill file
+SKILL = '{"reactive_skill"'  # prefix of a skill file's description
 
 
 def main() -> None:
-    """Print what is not as it was written."""
+    """Print the files that differ from what was written."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("files", nargs="*", type=Path, help="default: all outputs of all stages")
     files = parser.parse_args().files
@@ -52,7 +52,7 @@ def main() -> None:
 
 
 class Output(NamedTuple):
-    """What a `dvc.lock` says of an output."""
+    """An output listed in a `dvc.lock`."""
 
     stage: str
     path: Path
@@ -60,12 +60,12 @@ class Output(NamedTuple):
 
     @property
     def part(self) -> str:
-        """Task or cell of the pipeline that its stage is for, which is run without the others; or ""."""
+        """Task or cell of the stage that can be run without others, or empty."""
         return self.stage.partition("@")[2]
 
 
 def outputs(lock: Path, root: Path = Path()) -> list[Output]:
-    """All outputs of a lock, their paths below `root`; an InputError if it is unreadable."""
+    """All outputs of a lock, with paths below `root`. Raises InputError: it is unreadable."""
     try:
         stages = read_values(lock)["stages"].items()
         return [
@@ -73,28 +73,28 @@ def outputs(lock: Path, root: Path = Path()) -> list[Output]:
             for name, its in stages
             for out in its.get("outs", ())
         ]
-    except (AttributeError, KeyError, TypeError) as error:  # of what is not where it should be
+    except (AttributeError, KeyError, TypeError) as error:  # unexpected structure
         raise InputError(f"{lock}: not a lock file of DVC: {type(error).__name__}: {error}") from error
 
 
 def _is_made_here(output: Output) -> bool:
-    """Whether it is there, and not from git, as reports are."""
+    """Whether it exists and is not from git, as reports are."""
     return output.path.parts[:1] != ("reports",) and output.path.exists()
 
 
 def changed(outputs: Iterable[Output]) -> Iterator[str | None]:
-    """For each output, why it is not what was written; None if it is."""
+    """Per output, the reason why it differs from what was written, or None."""
     for name, path, written in outputs:
         try:
             yield None if digest(path) == written else f"{path}: not as stage '{name}' left it"
         except FileNotFoundError:
             yield f"{path}: is not there; stage '{name}' writes it"
-        except (OSError, ValueError) as error:  # of values: a path with a zero in it
+        except (OSError, ValueError) as error:  # ValueError: a path with a null byte
             yield f"{path}: cannot be read: {error}"
 
 
 def digest(path: Path) -> str:
-    """MD5 of a file, or of the list of a folder's files with theirs, as DVC takes it."""
+    """MD5 of a file, or of the list of a folder's files with their MD5, as in DVC."""
     if not path.is_dir():
         return file_digest(path, "md5")
     files = sorted((file.relative_to(path).as_posix(), file) for file in path.rglob("*") if file.is_file())
@@ -103,7 +103,7 @@ def digest(path: Path) -> str:
 
 
 def _fault(path: Path) -> str | None:
-    """Why a file is not what it was written as."""
+    """Reason why a file differs from what was written, or None."""
     if path.suffix not in READERS:
         return f"{path}: only {', '.join(READERS)} can be told"
     try:
@@ -114,7 +114,7 @@ def _fault(path: Path) -> str | None:
 
 
 def _read_arrays(path: Path) -> object:
-    """Read arrays; a skill must be complete too."""
+    """Read arrays; a skill must also be complete."""
     if not read_description(path).startswith(SKILL):
         return read_tensors(path)
     from structlearn.feedback.skill_file import read_skill  # imports compiled code

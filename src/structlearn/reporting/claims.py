@@ -1,7 +1,7 @@
-"""Claims of the dissertation and aims of this project, evaluated by what was found.
+"""Claims of the dissertation and aims of this project, and their verdicts from evidence.
 
-A page's claims are data, `claims.yaml` beside its template: statement, source, test, bound, format. What was
-found for them is `Evidence` by name. Verdicts:
+A page's claims are data, `claims.yaml` beside its template: statement, source, test, bound, format. The
+evidence for them is `Evidence` by name. Verdicts:
 
     yes, no         the 95 % interval lies wholly on that side of the bound
     no difference   it lies on both sides, but wholly within the claim's `margin` of the bound
@@ -40,20 +40,20 @@ VERDICTS = (YES, NO, NO_DIFFERENCE, UNDECIDED, NOT_TESTED, BY_CONSTRUCTION)
 class Evidence:
     """A number with its 95 % interval, which is wider if a claim makes many comparisons."""
 
-    value: float  # NaN if nothing was found
+    value: float  # NaN without evidence
     low: float  # lower end of the interval; the value itself if it is exact (a largest value, a count)
     high: float  # upper end
     n: int  # independent samples (people, seeds, runs)
     count: int | None = None  # of `n`, if the number is a share
-    people: int | None = None  # of the `n` trials of a share, if trials of one person are correlated
+    people: int | None = None  # number of people, if the `n` trials of a share are correlated within a person
     pooled_low: float = float("nan")  # lower end of the share's interval if all trials were independent
     pooled_high: float = float("nan")  # its upper end
-    study: str = ""  # that it is quoted from; empty if this run computed it
-    reason: str = ""  # why nothing was found
+    study: str = ""  # study that it is quoted from; empty if this run computed it
+    reason: str = ""  # why there is no evidence
 
 
 def exact(value: float, n: int = 1) -> Evidence:
-    """A number that is known as it is, such as the largest of n values."""
+    """An exact number, such as the largest of n values."""
     return Evidence(float(value), float(value), float(value), n)
 
 
@@ -64,7 +64,7 @@ def mean(samples: np.ndarray, comparisons: int = 1) -> Evidence:
 
 
 def difference(first: np.ndarray, second: np.ndarray, comparisons: int = 1) -> Evidence:
-    """Mean of first minus second, (N,) each, in pairs (same seed, person, scene)."""
+    """Mean of first minus second, (N,) each, paired (same seed, person, scene)."""
     return mean(np.asarray(first, float) - np.asarray(second, float), comparisons)
 
 
@@ -76,7 +76,7 @@ def geometric_mean(samples: np.ndarray, comparisons: int = 1) -> Evidence:
 
 
 def share(count: int, n: int, comparisons: int = 1) -> Evidence:
-    """Rate over independent trials with Wilson's interval; of the same people: `clustered_share`."""
+    """Rate over independent trials with Wilson's interval; else see `clustered_share`."""
     if n == 0:
         return UNKNOWN
     low, high = wilson_interval(count, n, confidence(comparisons))
@@ -87,11 +87,11 @@ def share(count: int, n: int, comparisons: int = 1) -> Evidence:
 def clustered_share(counts: np.ndarray, trials: np.ndarray, comparisons: int = 1) -> Evidence:
     """Rate over trials that are correlated within a person (model, robot), with its interval over people.
 
-    The interval is that of people's rates by the t distribution, at least Wilson's over all trials.
-    If no trial is a hit, or every one, rates do not tell how people differ, and the interval ends at
-    `none_of(P)`: none of 8 people leaves up to 31 %. For rare events of few, very different people it is too
-    narrow: at 5 % and an intraclass correlation of 0.1 the interval of 8 people covers in 85 % of all draws,
-    Wilson's over all trials in 52 %. `counts` (P,) by person, of `trials` (P,), positive.
+    The interval is that of people's rates by the t distribution, at least Wilson's over all trials. If all
+    trials are hits, or none, rates do not show how people differ, and the interval ends at `none_of(P)`: none
+    of 8 people leaves up to 31 %. For rare events among few, very different people it is too narrow: at 5 %
+    and an intraclass correlation of 0.1 the interval of 8 people covers in 85 % of all draws, Wilson's over
+    all trials in 52 %. `counts` (P,) by person, of `trials` (P,), positive.
     """
     counts, trials = np.asarray(counts), np.asarray(trials)
     pooled = share(int(counts.sum()), int(trials.sum()), comparisons)
@@ -103,7 +103,7 @@ def clustered_share(counts: np.ndarray, trials: np.ndarray, comparisons: int = 1
     elif pooled.count == pooled.n:
         low, high = 1.0 - none_of(people, comparisons), 1.0
     elif people == 1:
-        low, high = 0.0, 1.0  # one person does not tell how people differ
+        low, high = 0.0, 1.0  # one person does not show how people differ
     else:
         found = mean(counts / trials, comparisons)
         low, high = max(found.low, 0.0), min(found.high, 1.0)
@@ -132,7 +132,7 @@ def by_case(make: Callable[..., Evidence], cases: Mapping[str, Sequence[Any]]) -
 
 
 def confidence(comparisons: int) -> float:
-    """Confidence of one interval, so that several together cover with 95 % (Bonferroni)."""
+    """Confidence of one interval such that several jointly cover with 95 % (Bonferroni)."""
     return 1.0 - 0.05 / comparisons
 
 
@@ -149,7 +149,7 @@ def unknown(reason: str) -> Evidence:
     return replace(UNKNOWN, reason=reason)
 
 
-Found = Evidence | Mapping[str, Evidence]  # what was found for one claim: one number, or one by case
+Found = Evidence | Mapping[str, Evidence]  # evidence for one claim: one number, or one by case
 
 
 def _decided(holds: bool, fails: bool) -> str:
@@ -166,7 +166,7 @@ TESTS: Mapping[str, Callable[[Evidence, Any], str]] = {
     ),
     "zero": lambda found, bound: _decided(found.low == found.high == 0.0, found.value != 0.0),
 }
-"""By name, verdict on a number whose interval is known, given the claim's bound."""
+"""Verdicts by name of the test, for a number with an interval, given the claim's bound."""
 
 MOST = 500  # people, seeds or runs; larger sample sizes are not estimated
 NEEDS_BOUND = {"at most", "at least", "between"}
@@ -175,11 +175,11 @@ NEEDS_BOUND = {"at most", "at least", "between"}
 class Counterpart(Parameters):
     """The corresponding statement of a simulated testbed."""
 
-    testbed: str  # whose `claims.csv` has it
-    statement: str  # its words there
-    cases: tuple[str, ...] = ()  # all if empty
+    testbed: str  # testbed whose `claims.csv` has it
+    statement: str  # its wording there
+    cases: tuple[str, ...] = ()  # default: all
     page: str = "index"  # of that testbed
-    by: Literal["text", "ours"] | None = None  # if the published statement and ours have the same words
+    by: Literal["text", "ours"] | None = None  # if the published statement and ours have the same wording
 
 
 class Margin(Parameters):
@@ -192,17 +192,17 @@ class Margin(Parameters):
 class Claim(Parameters):
     """One entry of a `claims.yaml`."""
 
-    statement: str  # a template that may name the page's facts, as may `published` and `note`
-    source: str  # section of the dissertation, or why this project aims at it
+    statement: str  # a template that may use the page's facts, as may `published` and `note`
+    source: str  # section of the dissertation, or the reason for this project's aim
     by: Literal["text", "ours"] = "text"  # stated by the dissertation, or an aim of this project
-    evidence: str  # name of what was found
+    evidence: str  # name of the evidence
     test: str | dict[str, str]  # one of `TESTS`, or one by case
     bound: Any = 0.0  # of the test, or one by case
     margin: Margin | None = None  # of an equivalence test; None: only yes, no and undecided
-    published: str = ""  # what the dissertation prints
-    format: str = ".2f"  # of the numbers, `percent` of ratios, `share` of rates, `count` for `3 of 63`
+    published: str = ""  # value printed in the dissertation
+    format: str = ".2f"  # of the numbers: also `percent` for ratios, `share` for rates, `count` for `3 of 63`
     unit: str = ""  # of the numbers
-    note: str = ""  # what else a reader must know
+    note: str = ""  # further information for the reader
     by_construction: str = ""  # why no measurement could refute it
     simulated: Counterpart | None = None  # for claims about recorded data
 
@@ -232,7 +232,7 @@ class Claim(Parameters):
     def would_decide(self, found: Evidence, case: str = "") -> str:
         """`about 27 would decide`: sample size (of people, if trials are of people) if undecided; else empty.
 
-        With it, and the mean and spread found, 80 % of all draws exclude the nearest bound.
+        With this size and the present mean and spread, 80 % of all draws exclude the nearest bound.
         """
         if self.verdict(found, case) != UNDECIDED:
             return ""
@@ -264,17 +264,17 @@ class Judged:
     verdict: str  # over all cases
     studies: tuple[str, ...] = ()  # by case, see `Evidence.study`
     would_decide: tuple[str, ...] = ()  # by case, see `Claim.would_decide`
-    heading: str = ""  # of its set of data, on a page with several
+    heading: str = ""  # set of data, on a page with several
     simulated: str = ""  # verdict on the claim's counterpart; empty if unknown
 
 
 def read_claims(path: Path) -> list[Claim]:
-    """The claims of a page, in order; a ValueError if an entry is invalid."""
+    """Claims of a page, in order. Raises ValueError: an entry is invalid."""
     return [Claim(**entry) for entry in read_values(path)]
 
 
 def combined(verdicts: Sequence[str]) -> str:
-    """Verdict on a claim from those on its cases: the worst."""
+    """Verdict on a claim from those on its cases: the worst one."""
     return next(
         (word for word in (NO, UNDECIDED, NOT_TESTED, NO_DIFFERENCE, BY_CONSTRUCTION) if word in verdicts),
         YES if verdicts else NOT_TESTED,
@@ -287,14 +287,14 @@ def judge(
     environment: Environment,
     facts: Mapping[str, object],
 ) -> list[Judged]:
-    """Verdicts on claims, given evidence by name; a ValueError if some is missing."""
+    """Verdicts on claims, given evidence by name. Raises ValueError: evidence is missing."""
     if missing := {claim.evidence for claim in claims} - set(evidence):
         raise ValueError(f"nothing was found for {sorted(missing)}, which claims name")
     return [_judged(claim, evidence[claim.evidence], environment, facts) for claim in claims]
 
 
 def _judged(claim: Claim, found: Found, environment: Environment, facts: Mapping[str, object]) -> Judged:
-    plain = environment.overlay(autoescape=False)  # the page escapes them, a CSV file needs no escapes
+    plain = environment.overlay(autoescape=False)  # the page escapes; a CSV file needs no escapes
     texts = {
         name: plain.from_string(getattr(claim, name)).render(facts)
         for name in ("statement", "source", "published", "note")
@@ -316,7 +316,7 @@ def _judged(claim: Claim, found: Found, environment: Environment, facts: Mapping
 def in_words(found: Evidence, number_format: str, unit: str = "") -> str:
     """`0.36 [0.30, 0.42] rad`, `26 % [22, 30]`, `0.0 % [0.0, 31.2] over 8 people, [0.0, 1.2] pooled`.
 
-    A rate is never rounded to 0 or 100 % where it is neither.
+    A rate is never rounded to 0 or 100 % unless exact.
     """
     if np.isnan(found.value):
         return f"{NOT_TESTED}: {found.reason}" if found.reason else NOT_TESTED
@@ -327,7 +327,7 @@ def in_words(found: Evidence, number_format: str, unit: str = "") -> str:
         ends = interval(100 * found.low, 100 * found.high, ".0f")
         return text if found.low == found.high else f"{text} {ends}"
     if number_format == "share":
-        assert found.count is not None  # a share is counted
+        assert found.count is not None  # shares have a count
         text = f"{percent(found.count, found.n, 1)} {interval(100 * found.low, 100 * found.high)}"
         if found.people is None:
             return text
@@ -362,7 +362,7 @@ def verdict_in(table: pd.DataFrame, counterpart: Counterpart) -> str:
 
 
 def claims_table(judged: Sequence[Judged]) -> pd.DataFrame:
-    """`claims.csv`: one row per case of each claim, in words; with its set on a page with several."""
+    """`claims.csv`: one row per case of each claim, as text; with its set of data on a page with several."""
     rows = []
     for one in judged:
         claim = one.claim
@@ -380,13 +380,13 @@ def claims_table(judged: Sequence[Judged]) -> pd.DataFrame:
 
 @dataclass(frozen=True)
 class OnRecordings:
-    """A statement of a simulated testbed that was tested on recorded data too."""
+    """A statement of a simulated testbed that was also tested on recorded data."""
 
     statement: str  # on the page of recorded data
     counterpart: Counterpart  # of the simulated testbed
-    simulated: str  # verdict on that
+    simulated: str  # verdict there
     recorded: str  # verdict on recorded data
-    found: tuple[str, ...]  # in words, by case
+    found: tuple[str, ...]  # numbers as text, by case
     heading: str  # of the set of recordings
 
     @property
@@ -396,12 +396,12 @@ class OnRecordings:
 
 
 QUOTED = Path("reports/quoted/recorded")
-"""What other reports quote of that on recorded data; in git and no output of a stage, since the main pipeline
-would run that of recorded data first, for which most machines have none."""
+"""Claims on recorded data that other reports quote; in git and no output of a stage, since otherwise the main
+pipeline would depend on that of recorded data, which most machines do not have."""
 
 
 def quoted_claims() -> pd.DataFrame:
-    """Claims about recorded data with their counterparts, which `make recorded` copies for other reports."""
+    """Claims about recorded data with their counterparts, copied for other reports by `make recorded`."""
     return read_csv(QUOTED / "claims.csv", keep_default_na=False)
 
 

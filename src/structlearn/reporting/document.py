@@ -33,18 +33,18 @@ UNKNOWN_COMMIT = "unknown commit"
 
 @dataclass(frozen=True)
 class Table:
-    """A data frame on a page, without its index; it is written as `tables/NAME.csv` too."""
+    """A data frame on a page, without its index; also written as `tables/NAME.csv`."""
 
     frame: pd.DataFrame
     formats: Mapping[str, str] = field(default_factory=dict)  # of numbers by column, e.g. `.1f`
-    headings: Mapping[str, str] = field(default_factory=dict)  # by column; default the column's name
+    headings: Mapping[str, str] = field(default_factory=dict)  # by column; default: the column's name
     strong: frozenset[int] = frozenset()  # positions of bold rows
     words: Mapping[str, Mapping[Any, str]] = field(default_factory=dict)  # for values, by column
 
 
 @dataclass(frozen=True)
 class Source:
-    """File with the numbers of a figure or a table, and the stage that makes it."""
+    """File with the numbers of a figure or a table, and the stage that writes it."""
 
     path: str
     stage: str
@@ -63,20 +63,20 @@ class Panel:
 class Document:
     """Contents of a page."""
 
-    template: str  # its file in `package`
+    template: str  # template file in `package`
     package: str  # of the testbed's page, e.g. `structlearn.testbeds.obstacles.page`
-    stage: str = ""  # that makes its figures and tables
-    facts: Mapping[str, object] = field(default_factory=dict)  # that its sentences name
+    stage: str = ""  # stage that makes its figures and tables
+    facts: Mapping[str, object] = field(default_factory=dict)  # values in its sentences
     tables: Mapping[str, Table] = field(default_factory=dict)
     judged: Sequence[Judged] = ()  # claims with their verdicts
     sources: Mapping[str, Source] = field(default_factory=dict)  # for `source=` of figures and tables
     parameters: Mapping[str, Parameters] = field(default_factory=dict)  # by key in `params.yaml`
     recordings: str = ""  # folder of the .rrd files, relative to the page
     simulated: bool = False  # whether it is labelled as simulated
-    recorded: Sequence[OnRecordings] = ()  # its statements that were tested on recorded data too
+    recorded: Sequence[OnRecordings] = ()  # its statements that were also tested on recorded data
     basis: str = ""  # a sentence on the provenance of verdicts from studies
     root: str = ".."  # folder of the front page, relative to this one
-    command: str = ""  # that makes it; default `dvc repro STAGE`
+    command: str = ""  # command that makes it; default: `dvc repro STAGE`
 
 
 @dataclass(frozen=True)
@@ -166,10 +166,9 @@ class Scribe:
 
 
 def render(document: Document, figures: Mapping[str, Sequence[Panel]]) -> str:
-    """The page as HTML, rendered twice since the list of contents comes before the sections.
+    """The page as HTML, rendered twice, because the list of contents precedes the sections.
 
-    Raises jinja2.UndefinedError or KeyError: the template names a value, figure, table or source that is
-    missing.
+    Raises jinja2.UndefinedError or KeyError: the template uses a missing value, figure, table or source.
     """
     template = environment(document.package).get_template(document.template)
     scribe = Scribe(document, figures)
@@ -190,8 +189,8 @@ def environment(package: str) -> Environment:
         lstrip_blocks=True,
         keep_trailing_newline=True,
     )
-    made.filters["f"] = lambda value, digits: prose.rounded(value + 0, digits)  # + 0: nothing undefined
-    made.filters["words"] = lambda found, *how: in_words(replace(found, people=None), *how)  # no pooled end
+    made.filters["f"] = lambda value, digits: prose.rounded(value + 0, digits)  # + 0 rejects undefined values
+    made.filters["words"] = lambda found, *how: in_words(replace(found, people=None), *how)  # not pooled
     for filter_ in (prose.listing, prose.counted, prose.capitalised, cell, anchor):
         made.filters[filter_.__name__] = filter_
     for function in (prose.interval, prose.with_interval, prose.with_spread, prose.percent):
@@ -208,7 +207,7 @@ def date_of(paths: Iterable[Path]) -> str:
 
 
 def source_commit(folders: Iterable[str] = ("src", "stages"), root: Path = Path(".")) -> str:
-    """`b9b799a`, or `b9b799a+changes` if folders differ from it apart from DVC's locks.
+    """Short commit, e.g. `b9b799a`, with `+changes` if folders differ from it apart from DVC's locks.
 
     `UNKNOWN_COMMIT` without a repository of the project or without git.
     """
@@ -221,7 +220,7 @@ def source_commit(folders: Iterable[str] = ("src", "stages"), root: Path = Path(
             return None
 
     commit = git("rev-parse", "--short", "HEAD")
-    if not commit or git("rev-parse", "--show-prefix") != "":  # of another project around this one
+    if not commit or git("rev-parse", "--show-prefix") != "":  # a repository around the project
         return UNKNOWN_COMMIT
     changed = git("status", "--porcelain", "--", *folders, ":(exclude)*.lock")
     return f"{commit}+changes" if changed else commit
@@ -234,11 +233,11 @@ def anchor(heading: str) -> str:
 
 
 def words_in_view(page: str) -> int:
-    """Number of words on a page outside folds."""
+    """Number of words on a page outside of folds."""
     for hidden in ("style", "script", "head"):
         page = re.sub(rf"<{hidden}\b.*?</{hidden}>", " ", page, flags=re.DOTALL)
     innermost = re.compile(r"<details\b(?:(?!<details\b).)*?</details>", re.DOTALL)
-    while innermost.search(page):  # folds stand in folds
+    while innermost.search(page):  # folds may be nested
         page = innermost.sub(" ", page)
     return len(re.sub(r"<[^>]*>", " ", page).split())
 
@@ -268,7 +267,7 @@ def parameter_table(parameters: Mapping[str, Parameters]) -> pd.DataFrame:
 
 
 def _rows(key: str, value: Any) -> Iterator[tuple[str, str]]:
-    """Dotted name and value of every leaf; lists of plain values and entries of lists are one leaf."""
+    """Dotted name and value of every leaf; lists of scalars, and entries of other lists, are one leaf."""
     if isinstance(value, dict):
         for name, inner in value.items():
             yield from _rows(f"{key}.{name}", inner)

@@ -2,9 +2,9 @@
 
 Figures are made without pyplot: no global state, no window. Lines become SVG, with letters as paths so that
 they look the same everywhere; figures with very many points (`Raster`) and pictures of simulated scenes
-become PNG. The files carry no version and no date, so the same data give the same bytes.
+become PNG. The files contain no version and no date, so equal data give equal bytes.
 
-Draw several panels as several figures of `PANEL_WIDTH`: the page sets them side by side if there is room, and
+Draw several panels as several figures of `PANEL_WIDTH`: the page puts them side by side if there is room, and
 below each other on a phone, where their letters stay readable.
 """
 
@@ -27,12 +27,12 @@ from PIL import Image
 
 from structlearn.palette import BLACK, LIGHT_GREY, place_colours
 
-WIDTH = 9.4  # inches of a figure as wide as the page; all have it, so that letters have one size on a page
-PANEL_WIDTH = 4.7  # inches of a panel, two of which stand beside each other on a wide page
+WIDTH = 9.4  # inches of a full-width figure; the same for all, so that letters have one size on a page
+PANEL_WIDTH = 4.7  # inches of a panel, two of which fit side by side on a wide page
 
 DPI = 150
-COLOURS = 256  # of a PNG file, with a third of the bytes of true colour
-EDGE = "#868e97"  # of axes and their ticks: contrast 3:1
+COLOURS = 256  # palette of a PNG file, with a third of the bytes of true colour
+EDGE = "#868e97"  # of axes and ticks: contrast 3:1
 
 STYLE: Any = {
     "font.family": "DejaVu Sans",  # comes with matplotlib: the same letters on every machine
@@ -59,7 +59,7 @@ STYLE: Any = {
     "ytick.labelsize": 8.5,
     "lines.linewidth": 1.4,
     "lines.solid_capstyle": "round",
-    "legend.facecolor": "white",  # so that no line strikes its words through
+    "legend.facecolor": "white",  # so that no line crosses its words
     "legend.edgecolor": "none",
     "legend.fancybox": False,
     "legend.borderpad": 0.2,
@@ -77,7 +77,7 @@ STYLE: Any = {
 
 @contextmanager
 def style() -> Iterator[None]:
-    """The project's style on Matplotlib's defaults, without the user's settings."""
+    """The project's style on Matplotlib's defaults, ignoring the user's settings."""
     with mpl.rc_context():
         mpl.rcdefaults()
         mpl.rcParams.update(STYLE)
@@ -103,10 +103,10 @@ def canvas(height: float, width: float = WIDTH) -> Figure:
 
 
 def save(drawing: Drawing, path: Path) -> tuple[Path, tuple[int, int]]:
-    """Write a drawing as SVG or PNG; returns its path, and width and height in pixels of the page."""
+    """Write a drawing as SVG or PNG. Returns its path, and width and height in pixels of the page."""
     if isinstance(drawing, Figure):
         path = path.with_name(f"{path.name}.svg")
-        with style():  # `savefig` would draw twice: once to arrange what is in the figure
+        with style():  # `savefig` would draw twice, once for the layout
             FigureCanvasSVG(drawing).print_svg(path, metadata={"Date": None, "Creator": None})
         return path, (round(96 * drawing.get_figwidth()), round(96 * drawing.get_figheight()))
     path = path.with_name(f"{path.name}.png")
@@ -131,7 +131,7 @@ def finish_space(space: Axes3D, above: Axes, points: np.ndarray) -> None:
     """Labels, views and limits of both panels for points (N, 3) in mm; the 3-D panel has equal scales."""
     low, high = points.min(axis=0), points.max(axis=0)
     longest = (high - low).max()
-    half = np.maximum(0.54 * (high - low), 0.25 * longest)  # a flat axis is widened so that its labels fit
+    half = np.maximum(0.54 * (high - low), 0.25 * longest)  # widens flat axes so that their labels fit
     middle = 0.5 * (low + high)
     low, high = middle - half, middle + half
     space.set(xlim=(low[0], high[0]), ylim=(low[1], high[1]), zlim=(low[2], high[2]))
@@ -147,7 +147,7 @@ def finish_space(space: Axes3D, above: Axes, points: np.ndarray) -> None:
 
 
 HEIGHT = 3.1  # inches of a panel
-SAMPLES = 60  # of a curve among a hundred
+SAMPLES = 60  # per curve when there are a hundred
 
 
 def panel(title: str, height: float = HEIGHT, **labels: object) -> tuple[Figure, Axes]:
@@ -167,7 +167,7 @@ def legend(figure: Figure, columns: int = 2) -> Figure:
 
 @styled
 def map_panels(lies: pd.DataFrame, titles: Sequence[str], height: float, margin_mm: float) -> list[Raster]:
-    """Places of touches on a skin (`x_m`, `y_m`) and in its learned map (`map_x_m`, `map_y_m`)."""
+    """Positions of touches on a skin (`x_m`, `y_m`) and in its learned map (`map_x_m`, `map_y_m`)."""
     places, mapped = (1e3 * lies[columns].to_numpy() for columns in (["x_m", "y_m"], ["map_x_m", "map_y_m"]))
     colours, middle = place_colours(places) / 255.0, 0.5 * (places.min(axis=0) + places.max(axis=0))
     half = 0.5 * np.ptp(places, axis=0).max() + margin_mm

@@ -48,12 +48,12 @@ class Findings(Mapping[str, Found]):
     """Rows of a page by name: one number each, or one by case."""
 
     def __init__(self, population: str = "", study: str = "") -> None:
-        """`population`: what n counts, in words; `study`: source of the numbers, if they are quoted."""
+        """`population`: what n counts, as text; `study`: source of the numbers, if they are quoted."""
         self._rows: dict[str, _Row] = {}
         self._population, self._study = population, study
 
     def among(self, population: str, study: str = "") -> "Findings":
-        """The same table, for rows of another population."""
+        """The same table, for adding rows over another population."""
         other = Findings(population, study)
         other._rows = self._rows
         return other
@@ -74,7 +74,7 @@ class Findings(Mapping[str, Found]):
         return found
 
     def include(self, other: "Findings") -> None:
-        """Add all rows of another table; a ValueError if names collide."""
+        """Add all rows of another table. Raises ValueError: names collide."""
         if twice := set(self._rows) & set(other._rows):
             raise ValueError(f"two findings are called {', '.join(sorted(twice))}")
         self._rows |= other._rows
@@ -89,8 +89,9 @@ class Findings(Mapping[str, Found]):
     ) -> Found:
         """Add a row by a constructor of evidence, from its arguments or a mapping of these by case.
 
-        Intervals of several cases are widened so that all of them together cover with 95 %. A case without
-        samples, or with None, is not tested, for the reason `missing`, and widens nothing. `row`: see `add`.
+        Intervals of several cases are widened such that they jointly cover with 95 %. A case without samples,
+        or with None, is not tested, for the reason `missing`, and does not widen the others. `row`: see
+        `add`.
         """
         lacking = unknown(missing) if missing else UNKNOWN
         if not isinstance(given[0], Mapping):
@@ -102,7 +103,7 @@ class Findings(Mapping[str, Found]):
         return self.add(name, found, **row)
 
     def unknown(self, name: str, reason: str = "") -> Found:
-        """Add a row without a number, and the reason why there is none."""
+        """Add a row without a number, with the reason."""
         return self.add(name, unknown(reason))
 
     exact = _finder(claims.exact)
@@ -135,7 +136,7 @@ class Findings(Mapping[str, Found]):
         return pd.DataFrame(rows, columns=COLUMNS).astype({"headline": bool})  # also without rows
 
     def numbers(self) -> Metrics:
-        """Numbers that sentences name, see `values_by_key`."""
+        """Numbers used in sentences, see `values_by_key`."""
         return values_by_key(self.table())
 
     @classmethod
@@ -171,6 +172,6 @@ def _cases(found: Found) -> Iterable[tuple[str, Evidence]]:
 
 
 def read_findings(path: Path | Any) -> pd.DataFrame:
-    """Read `findings.csv`, from its path or an open file; an InputError if it is missing or no table."""
+    """Read `findings.csv`, from its path or an open file. Raises InputError: missing or no table."""
     texts = dict.fromkeys(("name", "case", "unit", "population", "study", "reason"), "")
     return read_csv(path, dtype=dict.fromkeys(texts, str)).fillna(texts)

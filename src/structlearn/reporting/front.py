@@ -1,7 +1,7 @@
-"""The front page: a loop, the pipeline, a table of findings and a card per testbed.
+"""Front page: a loop, the pipeline, a table of findings, and a card per testbed.
 
-Its words are in a YAML file, `FrontPage`. Numbers come from `claims.csv` of a testbed's report: an entry
-names the claim, and its words name the cases, `{Turn}`, or `{value}` if there are none.
+Its text is in a YAML file, `FrontPage`. Numbers come from `claims.csv` of a testbed's report: an entry gives
+the claim, and its text names the cases, `{Turn}`, or `{value}` if there are none.
 """
 
 from collections.abc import Mapping
@@ -16,17 +16,17 @@ from structlearn.reporting.claims import NOT_TESTED, VERDICTS, combined
 from structlearn.reporting.document import Made, environment
 
 RECORDED = "recorded"
-"""Folder of the report on recorded data; its claims are in `claims.QUOTED` for a machine without the data."""
+"""Folder of the report on recorded data; its claims are in `claims.QUOTED` too, for machines without data."""
 
 
 class Row(Parameters):
-    """A claim of a report, and its numbers in words."""
+    """A claim of a report, with a text for its numbers."""
 
     report: str  # folder of the report
     claim: str  # its name, `evidence` in the report's claims
-    words: str  # a template that names numbers by case, without their intervals
+    words: str  # a template with numbers by case, without their intervals
     set: str = ""  # of recorded data, if several have a claim of that name
-    cases: tuple[str, ...] = ()  # all if empty
+    cases: tuple[str, ...] = ()  # default: all
 
 
 class Finding(Parameters):
@@ -55,13 +55,13 @@ class Step(Parameters):
     """A box of the drawing of the pipeline."""
 
     name: str
-    stage: str  # of dvc.yaml that makes it
-    page: str  # that shows it
-    path: str  # what is drawn in the box: an SVG path, 100 wide and 44 high
+    stage: str  # stage of dvc.yaml
+    page: str  # page that shows it
+    path: str  # icon in the box: an SVG path, 100 wide and 44 high
 
 
 class FrontPage(Parameters):
-    """The file with the front page's words."""
+    """Contents of the file with the front page's text."""
 
     steps: tuple[Step, ...]
     findings: tuple[Finding, ...]
@@ -69,14 +69,14 @@ class FrontPage(Parameters):
 
 
 def read_front_page(path: Path) -> FrontPage:
-    """Raises InputError: there is no such file, or it is no YAML; ValueError: it has an unknown key."""
+    """Read the file. Raises InputError: missing or no YAML; ValueError: an unknown key."""
     return FrontPage(**read_values(path))
 
 
 def render_front(
     page: FrontPage, claims: Mapping[str, pd.DataFrame], tasks: Mapping[str, str], made: Made
 ) -> str:
-    """The front page as HTML; an InputError if a report has no claim or case that the page names.
+    """The front page as HTML. Raises InputError: a report lacks a claim or case that the page names.
 
     `claims`: `claims_table` by report; `tasks`: pages of single tasks by name.
     """
@@ -105,12 +105,12 @@ def findings_table(page: FrontPage, claims: Mapping[str, pd.DataFrame]) -> str:
 
 
 def _told(one: Finding, claims: Mapping[str, pd.DataFrame]) -> list[tuple[str, str]]:
-    """Words and verdict, simulated and recorded; empty if there is none."""
+    """(text, verdict) for simulated and recorded data; empty if there is none."""
     return [in_words(row, claims) if row else ("", "") for row in (one.simulated, one.recorded)]
 
 
 def in_words(row: Row, claims: Mapping[str, pd.DataFrame]) -> tuple[str, str]:
-    """A row's words with numbers, and its verdict; an InputError if the report has no such claim or case."""
+    """Text with numbers, and verdict, of a row. Raises InputError: there is no such claim or case."""
     table = claims[row.report]
     where = f"{row.report}: claim {row.claim}{f' of {row.set}' if row.set else ''}"
     found = table[table["evidence"] == row.claim]
@@ -119,7 +119,7 @@ def in_words(row: Row, claims: Mapping[str, pd.DataFrame]) -> tuple[str, str]:
     if row.cases:
         found = found[found["case"].isin(row.cases)]
     if found.empty and row.report == RECORDED:
-        return "not recorded here", NOT_TESTED  # a machine may have some of the sets alone
+        return "not recorded here", NOT_TESTED  # a machine may have only some of the sets
     if found.empty:
         raise InputError(f"{where}: the front page names it, and there is none")
     numbers = {
@@ -135,7 +135,7 @@ def in_words(row: Row, claims: Mapping[str, pd.DataFrame]) -> tuple[str, str]:
 
 
 def read_claims_of(report: str, folder: Path) -> pd.DataFrame:
-    """`claims.csv` of a report in a folder; an InputError if it is missing or lacks the names of claims."""
+    """Read a report's `claims.csv`. Raises InputError: it is missing or lacks the names of claims."""
     path = folder / "claims.csv"
     table = read_csv(path, keep_default_na=False)
     if "evidence" not in table:

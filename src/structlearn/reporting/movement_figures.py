@@ -1,4 +1,4 @@
-"""Figures of movements that several pages share: cut signals, alignment (IV.14, IV.15), noise, primitives."""
+"""Movement figures shared by several pages: cut signals, alignment (IV.14, IV.15), noise, primitives."""
 
 from collections.abc import Mapping, Sequence
 from typing import Any
@@ -32,7 +32,7 @@ from structlearn.segmentation.cut_errors import aligned_segments, spread_mm
 from structlearn.segmentation.parameters import AXES, PrimitiveParameters
 from structlearn.segmentation.segments import Segmentation
 
-SPEED_CUTOFF_HZ = 5.0  # low-pass of the speeds that are drawn; differences of raw positions are mostly noise
+SPEED_CUTOFF_HZ = 5.0  # low-pass of the drawn speeds; differences of raw positions are mostly noise
 PAIRS_SHOWN = 16
 TOP_PAIRS = 8
 APART = 0.03  # least distance of top pairs as a fraction of the reference segment
@@ -47,7 +47,7 @@ def speed(demonstration: Demonstration) -> np.ndarray:
 def shade_primitives(
     panel: Axes, segments: Sequence[tuple[float, float]] | np.ndarray, names: Sequence[str] = ()
 ) -> None:
-    """Shade the time of every primitive in its colour, with names at the top."""
+    """Shade the time of every primitive in its colour, with its name at the top."""
     for place, (start, end) in enumerate(segments):
         panel.axvspan(start, end, color=primitive_colour(place), alpha=0.13, linewidth=0)
         if names:
@@ -62,7 +62,7 @@ def headroom(panel: Axes, share: float = 0.5) -> None:
 
 
 def draw_axes(panel: Axes, time: np.ndarray, values: np.ndarray) -> None:
-    """Three columns in the colours of the axes."""
+    """Draw three columns in the colours of the axes."""
     for name, column, colour in zip("xyz", values.T, AXIS_COLOURS, strict=True):
         panel.plot(time, column, color=colour, linewidth=1.0, label=name)
     headroom(panel, 0.25)
@@ -70,7 +70,7 @@ def draw_axes(panel: Axes, time: np.ndarray, values: np.ndarray) -> None:
 
 
 def draw_cuts(panel: Axes, cuts: Sequence[tuple[float, float]], demonstration: Demonstration) -> None:
-    """Lines at the cut points found, dotted ones at the true cut points."""
+    """Draw lines at the found cut points, and dotted lines at the true ones."""
     true = () if demonstration.true_segments is None else np.unique(demonstration.true_segments)
     for places, width, line in ((np.ravel(cuts), 0.9, "-"), (true, 1.2, ":")):
         for cut in places:
@@ -80,7 +80,7 @@ def draw_cuts(panel: Axes, cuts: Sequence[tuple[float, float]], demonstration: D
 def fit_panel(
     name: str, place: int, demonstrated: Sequence[np.ndarray], unrolled: np.ndarray, labels: Sequence[str]
 ) -> Figure:
-    """One primitive, one row per axis, over normalised time."""
+    """One primitive over normalised time, one row per axis."""
     figure = canvas(4.2, PANEL_WIDTH)
     panels = figure.subplots(3, 1, sharex=True)
     grey: dict[str, Any] = {"color": DEMONSTRATION_COLOUR, "linewidth": 0.8, "alpha": 0.7}
@@ -99,7 +99,7 @@ def space_panels(paths: Sequence[tuple[np.ndarray, Mapping[str, Any]]]) -> list[
     """Paths (T, 3) in m: a panel in 3-D, and one from above."""
     figures = [canvas(3.6, PANEL_WIDTH) for _ in range(2)]
     figures[0].set_layout_engine("none")
-    space = figures[0].add_axes((0.1, 0.14, 0.8, 0.84), projection="3d")  # with room for its labels
+    space = figures[0].add_axes((0.1, 0.14, 0.8, 0.84), projection="3d")  # leaves room for its labels
     assert isinstance(space, Axes3D)
     above = figures[1].add_subplot()
     for path, look in paths:
@@ -134,7 +134,7 @@ def sequence_figure(sequences: Mapping[str, pd.DataFrame]) -> list[Figure]:
 
 
 def top_pairs(pairs: pd.DataFrame) -> pd.DataFrame:
-    """Rows of largest weight of one demonstration and primitive (`Segmentation.pairs`), in order of time."""
+    """Pairs with the largest weight in one demonstration and primitive (`Segmentation.pairs`), by time."""
     distance = APART * np.ptp(pairs["reference_s"].to_numpy())
     chosen: list[int] = []
     times = pairs["reference_s"].to_numpy()
@@ -150,7 +150,7 @@ def top_pairs(pairs: pd.DataFrame) -> pd.DataFrame:
 def correspondence_figure(
     reference: Demonstration, guess: Demonstration, segmentation: Segmentation, primitive: PrimitiveParameters
 ) -> list[Figure]:
-    """Figure IV.14: pairs without weights, pairs of largest weight, and refined segments."""
+    """Figure IV.14: pairs without weights, pairs with the largest weight, and refined segments."""
     chosen = segmentation.pairs["primitive"] == primitive.name
     pairs = segmentation.pairs[chosen & (segmentation.pairs["demonstration"] == guess.name)]
     some = pairs.iloc[np.linspace(0, len(pairs) - 1, min(PAIRS_SHOWN, len(pairs))).round().astype(int)]
@@ -175,7 +175,7 @@ def correspondence_figure(
     time = np.linspace(0.0, 1.0, len(curves["reference"]))
     for name, curve in curves.items():
         label, colour = METHOD_NAMES.get(name, name), METHOD_COLOURS.get(name, REFERENCE_COLOUR)
-        labels = [label, *[None] * (curve.shape[1] - 1)]  # several axes are one curve
+        labels = [label, *[None] * (curve.shape[1] - 1)]  # one legend entry for several axes
         refined.plot(time, 1e3 * (curve - curve.mean(axis=0)), color=colour, label=labels)
     refined.set(title="(c) Refined and stretched", xlabel="time / duration of the segment")
     refined.set_ylabel(f"{primitive.axis} from its mean (mm)")
@@ -190,9 +190,9 @@ def _draw_pairs(
     shown: pd.DataFrame,
     axis: str,
 ) -> None:
-    """Segments of the reference (above) and the guess over time, with lines between some pairs.
+    """Draw segments of the reference (above) and the guess over time, with lines between some pairs.
 
-    Of several axes the one along which the reference moves most is drawn.
+    For several axes, the one with the largest movement of the reference is drawn.
     """
     column = max(AXES[axis], key=lambda column: np.ptp(demonstrations[0].position[:, column]))
     segments, ends = [], []  # time and value of samples, and of the pairs' ends
@@ -257,7 +257,7 @@ def noise_figure(
 ) -> list[Figure]:
     """Cut errors over the noise (`errors_by_level`), and paired differences to the result's method.
 
-    `comparison`: of `cut_errors.paired_comparison`; `pair`: what the errors of a difference share.
+    `comparison`: from `cut_errors.paired_comparison`; `pair`: what the errors of a difference have in common.
     """
     figures = [canvas(3.6, PANEL_WIDTH) for _ in range(2)]
     errors, differences = (figure.subplots() for figure in figures)
@@ -288,7 +288,7 @@ def noise_figure(
 def _draw_methods(
     panel: Axes, table: pd.DataFrame, places: dict[float, int], mean: str, half: str, methods: Sequence[str]
 ) -> None:
-    """Lines with error bars, shifted a little so that the bars of methods do not overlap."""
+    """Draw lines with error bars, shifted slightly so that they do not overlap."""
     for number, method in enumerate(methods):
         rows = table[table["method"] == method]
         x = rows["noise_mm"].map(places) + 0.07 * (number - 0.5 * (len(methods) - 1))

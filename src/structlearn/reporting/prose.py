@@ -1,4 +1,4 @@
-"""Numbers and lists in words, for sentences."""
+"""Numbers and lists as text, for sentences."""
 
 import math
 from collections.abc import Iterable
@@ -35,7 +35,7 @@ def level_name(level: float) -> str:
 
 
 def rounded(value: float, number_format: str) -> str:
-    """A number with a true minus sign, and none before zero; `unknown` if it is not finite."""
+    """A number with a true minus sign, but none before zero; `unknown` if it is not finite."""
     if not math.isfinite(value):
         return "unknown"
     text = f"{value:{number_format}}"
@@ -54,7 +54,7 @@ def with_spread(mean: float, std: float, number_format: str = ".1f") -> str:
 
 
 def percent(count: int, n: int, fewest: int = 0) -> str:
-    """`99.8 %`: with the fewest digits that do not round to 0 or 100 what is neither."""
+    """A share like `99.8 %`, with the fewest digits that do not round it to 0 or 100 unless exact."""
     return next(
         text
         for digits in range(fewest, 10)

@@ -1,4 +1,4 @@
-"""A testbed's report on disk: pages, the figures and tables that they show, findings and metrics."""
+"""A testbed's report on disk: pages with their figures and tables, findings and metrics."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
@@ -14,7 +14,7 @@ from structlearn.reporting.document import Document, Panel, Table, render
 from structlearn.reporting.figure_style import Drawing, save
 from structlearn.reporting.findings import Findings, values_by_key
 
-HEADLINES = 12  # largest number of them in `metrics.json`: `dvc metrics show` stays readable
+HEADLINES = 12  # most headlines in `metrics.json`, so that `dvc metrics show` stays readable
 
 
 def publish_report(
@@ -27,15 +27,15 @@ def publish_report(
 ) -> None:
     """Publish `NAME.html`, `figures/`, `tables/`, `findings.csv` and `metrics.json`.
 
-    A sequence of drawings is a figure of several panels; the table `claims` is added. `find`: every number
-    that the pages state; headlines go to `metrics.json`, with the counts of verdicts; a ValueError if there
-    are too many. `recorded`: claims about recorded data, for statements that were tested on them too.
+    A sequence of drawings is a figure of several panels; the table `claims` is added. `find`: every number on
+    the pages; headlines go to `metrics.json`, with the counts of verdicts. `recorded`: claims about recorded
+    data, for statements that were also tested on them. Raises ValueError: too many headlines.
     """
     found = find.table()
     if (marked := int((found["headline"] & found["value"].notna()).sum())) > HEADLINES:
         raise ValueError(f"{marked} headlines are more than {HEADLINES}")
     folder = Path(folder)
-    shown = {id(one): one for page in pages.values() for one in page.judged}  # two pages may show the same
+    shown = {id(one): one for page in pages.values() for one in page.judged}  # pages may share claims
     judged: list[Judged] = list(shown.values())
     both = [] if recorded is None else on_recordings(recorded, folder.name, claims_table(judged))
     with publish(folder / "figures") as target:

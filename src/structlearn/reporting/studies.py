@@ -1,9 +1,9 @@
-"""Studies: larger populations than one run of the pipeline has, as tables in git that pages read.
+"""Studies: larger populations than a run of the pipeline has, as tables in git that pages read.
 
-The pipeline `stages/studies/dvc.yaml` makes them cell by cell: for the people or robots of a cell the stages
-of a testbed run with other seeds (`structlearn.reporting.study_tables`). This module holds what pages need:
-`reports/studies/<study>` has the tables of all cells and `study.json`, their parameters and each cell's
-commit. A study with other parameters than the page's counts as not run.
+The pipeline `stages/studies/dvc.yaml` makes them cell by cell: for the people or robots of a cell, the stages
+of a testbed run with other seeds (`structlearn.reporting.study_tables`). This module contains what pages
+need: `reports/studies/<study>` has the tables of all cells and `study.json`, with their parameters and each
+cell's commit. A study with other parameters than the page's counts as not run.
 """
 
 import hashlib
@@ -34,14 +34,14 @@ class Origin(Parameters):
 
 
 class Check(Parameters):
-    """Result of running one cell again."""
+    """Result of rerunning one cell."""
 
     cell: str
-    commit: str  # of the code that ran it
-    processor: str  # that it ran on
+    commit: str  # of the code of the rerun
+    processor: str  # of the rerun
     exact: bool  # whether all digits were compared; else within `study_tables.TOLERANCE`
     compared: int  # numbers
-    different: list[str]  # tables and columns in which some differ
+    different: list[str]  # tables and columns with differences
 
 
 class Made(Parameters):
@@ -50,10 +50,10 @@ class Made(Parameters):
     parameters: dict[str, str]  # digests by key of `params.yaml`, see `digests`
     seeds: list[str]  # parameters that differ between cells, which digests leave out
     cells: dict[str, Origin]
-    check: Check | None  # None before a cell was run again
+    check: Check | None  # None before a cell was rerun
 
 
-UNKNOWN = Made(parameters={}, seeds=[], cells={}, check=None)  # of tables that a test made up
+UNKNOWN = Made(parameters={}, seeds=[], cells={}, check=None)  # for tables made up in tests
 
 
 @dataclass(frozen=True)
@@ -65,7 +65,7 @@ class Study:
 
     @property
     def table(self) -> pd.DataFrame:
-        """Findings, a row for each variant and cell, of a study that gathers `findings.csv`."""
+        """Findings, one row per variant and cell, if the study collects `findings.csv`."""
         return self.tables["findings"]
 
     def values(self, variant: str, key: str) -> np.ndarray:
@@ -79,7 +79,7 @@ class Study:
 
 @dataclass(frozen=True)
 class People:
-    """One number per person, of a study that ran all of a testbed for each: by the keys of its findings."""
+    """Numbers per person, by the keys of findings, from a study that ran a whole testbed for each."""
 
     study: Study | None  # None if it was not run with these parameters
     variant: str
@@ -95,7 +95,7 @@ class People:
 
 
 def digests(values: Mapping[str, Any], keys: Sequence[str], seeds: Sequence[str]) -> dict[str, str]:
-    """Digest of each key's value without the seeds, `absent` if there is none; order does not matter."""
+    """Digest of each key's value without the seeds, `absent` if there is none; independent of order."""
 
     def kept(value: Any, key: str) -> Any:
         if key in seeds:
@@ -109,12 +109,12 @@ def digests(values: Mapping[str, Any], keys: Sequence[str], seeds: Sequence[str]
 
 
 def stored_study(folder: Path) -> Study:
-    """A study whatever its parameters; an InputError if a file is missing, damaged or lacks its commit."""
+    """Read a study, whatever its parameters. Raises InputError: a file is missing, damaged or incomplete."""
     return Study(*stored(folder / "study.json", Made))
 
 
 def stored(path: Path, made: type[ParametersType]) -> tuple[dict[str, pd.DataFrame], ParametersType]:
-    """Tables beside a file by name, and the file, which says how they were made; raises as `stored_study`."""
+    """Tables beside a file by name, and the file, which states their provenance; raises as `stored_study`."""
     texts = dict.fromkeys(KEYS, str)
     tables = {table.stem: read_csv(table, dtype=texts) for table in sorted(path.parent.glob("*.csv"))}
     return tables, checked(read_metrics(path), made, path, path.stem)
@@ -130,13 +130,13 @@ def read_study(name: str, folder: Path = RESULTS, parameters: Path = Path("param
 
 
 def extended(own: pd.DataFrame, study: Study | None, name: str, key: str = "seed") -> pd.DataFrame:
-    """A table of this run, and below it the rows of a study with other seeds (column `key`), same types."""
+    """A table of this run, followed by the rows of a study with other seeds (column `key`), same types."""
     if study is None:
         return own
     more = study.tables[name]
     more = more.loc[~more[key].isin(own[key]), own.columns]
     texts = list(own.select_dtypes(["object", "string"]))
-    more = more.astype(dict.fromkeys(texts, object)).fillna(dict.fromkeys(texts, ""))  # CSV has no empty text
+    more = more.astype(dict.fromkeys(texts, object)).fillna(dict.fromkeys(texts, ""))  # CSV reads "" as NaN
     return pd.concat([own, more.astype(own.dtypes)], ignore_index=True)
 
 

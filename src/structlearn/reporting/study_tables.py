@@ -1,11 +1,11 @@
-"""Studies: cells that run a testbed for other people or robots, and the tables in git that join the cells.
+"""Studies: running a testbed for other people or robots in cells, and joining the cells to tables in git.
 
 `stages/studies/studies.yaml` describes each study, `stages/studies/dvc.yaml` lists its cells. A cell is named
 by its seeds, `13` or the range `19-26`. It leaves the tables of all variants of the study in
-`data/studies/<study>/<cell>`, and `python -m structlearn.reporting.study_tables` joins those that were run in
-`reports/studies/<study>`. With `--check [NAME ...]` it runs one cell of each study again and compares it with
-the table. No stage of DVC does this: pages read these tables, so `dvc repro` of a page would run hours of
-studies first.
+`data/studies/<study>/<cell>`, and `python -m structlearn.reporting.study_tables` joins the cells that were
+run in `reports/studies/<study>`. With `--check [NAME ...]` it reruns one cell of each study and compares it
+with the table. This is no DVC stage: pages read these tables, so `dvc repro` of a page would first run hours
+of studies.
 """
 
 import argparse
@@ -46,36 +46,36 @@ from structlearn.reporting.studies import (
 
 DESCRIPTIONS = Path("stages/studies/studies.yaml")
 CELLS = Path("data/studies")
-FINDINGS = "findings"  # the table that becomes one row of numbers for each variant and cell
-TOLERANCE = 1e-3  # relative, on another type of processor than the table's, whose kernels round otherwise
+FINDINGS = "findings"  # table that becomes one row of numbers per variant and cell
+TOLERANCE = 1e-3  # relative, for another type of processor, whose kernels round differently
 
 
 class Variant(Parameters):
-    """What a variant of a study changes beside the seeds."""
+    """Changes of a study's variant besides the seeds."""
 
     parameters: dict[str, Any]  # by dotted key
-    first: str  # stage that runs first; it finds what the variants above left of earlier stages
+    first: str  # stage that runs first; earlier outputs are those of the variants above
 
 
 class Description(Parameters):
     """A study."""
 
     question: str
-    seeds: list[str] = Field(min_length=1)  # parameters that are set to the seeds of a cell, by dotted key
+    seeds: list[str] = Field(min_length=1)  # parameters set to the seeds of a cell, by dotted key
     stages: list[str] = Field(min_length=1)  # scripts of the testbed, in order; the report is the last
-    takes: tuple[str, ...] = ()  # outputs of the pipeline that these stages read as they are
-    tables: list[str] = Field(min_length=1)  # that are kept of `reports/<testbed>`
-    numbers: tuple[str, ...] = ("*",)  # of `findings`, by wildcards
-    variants: dict[str, Variant] = Field(default_factory=dict)  # beside the pipeline's own parameters, `OURS`
+    takes: tuple[str, ...] = ()  # outputs of the pipeline that these stages read unchanged
+    tables: list[str] = Field(min_length=1)  # tables of `reports/<testbed>` to keep
+    numbers: tuple[str, ...] = ("*",)  # findings to keep, by wildcards
+    variants: dict[str, Variant] = Field(default_factory=dict)  # besides `OURS`, the pipeline's
 
 
 def read_descriptions(path: Path = DESCRIPTIONS) -> dict[str, Description]:
-    """All studies by name, e.g. `scraping/people`; an InputError if a key is missing, unknown or twice."""
+    """All studies by name, e.g. `scraping/people`. Raises InputError: missing, unknown or duplicate keys."""
     return {name: checked(its, Description, path, name) for name, its in read_values(path).items()}
 
 
 def seeds_of(cell: str) -> list[int]:
-    """Seeds of a cell: `13` is one, `19-26` are eight; an InputError for other names."""
+    """Seeds of a cell: `13` is one, `19-26` are eight. Raises InputError: another name."""
     first, _, last = cell.partition("-")
     try:
         seeds = list(range(int(first), int(last or first) + 1))
@@ -87,7 +87,7 @@ def seeds_of(cell: str) -> list[int]:
 
 
 def changed(values: Mapping[str, Any], changes: Mapping[str, Any]) -> dict[str, Any]:
-    """Parameters of `params.yaml` with some set to other values, by dotted key; an InputError if absent."""
+    """Parameters of `params.yaml` with some values changed, by dotted key. Raises InputError: absent."""
     result = copy.deepcopy(dict(values))
     for key, value in changes.items():
         *parents, last = key.split(".")
@@ -124,7 +124,7 @@ def run_cell(name: str, description: Description, cell: str, root: Path) -> dict
 
 
 def run_stage(script: str, folder: Path, root: Path, cell: str) -> None:
-    """Run a script of a stage in the folder of a cell; an InputError if it fails."""
+    """Run a stage's script in the folder of a cell. Raises InputError: it fails."""
     path = os.pathsep.join(filter(None, [str(root / "src"), os.environ.get("PYTHONPATH")]))
     environment = {name: value for name, value in os.environ.items() if name != "DVC_STAGE"}
     options: dict[str, Any] = {"cwd": folder, "env": environment | {"PYTHONPATH": path}, "text": True}
@@ -134,7 +134,7 @@ def run_stage(script: str, folder: Path, root: Path, cell: str) -> None:
 
 
 def kept(description: Description, reports: Path, variant: str, cell: str) -> dict[str, pd.DataFrame]:
-    """The tables that a study keeps of a testbed's report, with the columns `KEYS` first."""
+    """Tables of a testbed's report that a study keeps, with the columns `KEYS` first."""
     found, labels = {}, dict(zip(KEYS, (variant, cell), strict=True))
     for table in description.tables:
         path = reports / f"{table}.csv"
@@ -156,7 +156,7 @@ def write_cell(tables: Mapping[str, pd.DataFrame], folder: Path, root: Path) -> 
 
 
 def publish_tables(tables: Mapping[str, pd.DataFrame], made: Parameters, path: Path) -> None:
-    """Publish the folder of a file that says how its tables were made, and these tables."""
+    """Publish a folder with tables, and a file that states their provenance."""
     with publish(path.parent) as folder:
         folder.mkdir()
         for name, table in tables.items():
@@ -165,14 +165,14 @@ def publish_tables(tables: Mapping[str, pd.DataFrame], made: Parameters, path: P
 
 
 def processor() -> str:
-    """Type of the processor, by which compiled code and the kernels of libraries differ."""
+    """Type of the processor, on which compiled code and libraries' kernels depend."""
     from llvmlite import binding
 
     return os.environ.get("NUMBA_CPU_NAME") or binding.get_host_cpu_name()
 
 
 def main() -> None:
-    """Join or check, and write the page of all studies."""
+    """Join or check studies, and write the page of all studies."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("names", nargs="*", help="e.g. scraping/people; default all")
     parser.add_argument("--check", action="store_true", help="run one cell of each again")
@@ -193,7 +193,7 @@ def main() -> None:
 
 
 def join_study(name: str, description: Description, root: Path) -> None:
-    """Put the cells of a study that were run into its tables in git."""
+    """Join the executed cells of a study with its tables in git."""
     found = sorted((root / CELLS / name).glob("*/cell.json"))
     cells = {path.parent.name: stored(path, Origin) for path in found}
     if cells:
@@ -205,7 +205,7 @@ def join_study(name: str, description: Description, root: Path) -> None:
 
 
 def check_study(name: str, description: Description, root: Path) -> list[str]:
-    """Run the newest cell of a study again and write the result; returns what differs, `study: column`."""
+    """Rerun the newest cell of a study and write the result. Returns differences, `study: column`."""
     folder = root / RESULTS / name
     if not (folder / "study.json").exists():
         return []
@@ -220,7 +220,7 @@ def check_study(name: str, description: Description, root: Path) -> list[str]:
 
 
 def studies_page(descriptions: Mapping[str, Description]) -> str:
-    """The page of all studies as HTML: those that can be run, and others whose tables pages quote."""
+    """Page of all studies as HTML: those that can be run, and others whose tables pages quote."""
     names = sorted(path.parent.relative_to(RESULTS).as_posix() for path in RESULTS.glob("*/*/study.json"))
     found = {name: stored_study(RESULTS / name) for name in names}
     told = {name: provenance(study) for name, study in found.items()}
@@ -235,9 +235,9 @@ def joined(
     made_with: Mapping[str, str],
     description: Description,
 ) -> Study:
-    """A study with more cells, or some of them made anew; tables keep the columns that all cells have.
+    """A study with cells added or replaced; tables keep the columns that all cells have.
 
-    `before`: as it is in git, dropped if its parameters are not those of the cells, `made_with`.
+    `before`: the study in git, dropped if its parameters differ from those of the cells, `made_with`.
     """
     before = before if before and before.made.parameters == made_with else Study({})
     origins = before.made.cells | {cell: origin for cell, (_, origin) in cells.items()}
@@ -267,7 +267,7 @@ def made_with(name: str, description: Description, root: Path) -> dict[str, str]
     its = [stages[f"{testbed}_{stage}"] for stage in description.stages]
     own = [key for one in its for key in one.get("params", [])]
     files = [Path(dep) for one in its for dep in one.get("deps", [])]
-    shared = [path.stem for path in files if path.match("data/code/main/*.yaml")]  # keys that stages share
+    shared = [path.stem for path in files if path.match("data/code/main/*.yaml")]  # keys shared by stages
     keys = sorted({key.split(".")[0] for key in (*own, *shared)})
     return digests(read_values(root / "params.yaml"), keys, description.seeds)
 

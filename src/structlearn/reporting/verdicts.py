@@ -1,10 +1,10 @@
-"""Compare the verdicts of two runs: of the working tree and a commit, or of two processors.
+"""Comparison of the verdicts of two runs: of the working tree and a commit, or of two processors.
 
     python -m structlearn.reporting.verdicts
 
 Libraries choose their kernels by the processor, so sums round differently and results of training and
-simulation drift apart. What matters is whether a verdict changes; it may at most become undecided. Rows that
-quote a study are the same on both sides and are counted apart. The command prints one line per row of
+simulation diverge. What matters is whether a verdict changes; it may at most become undecided. Rows that
+quote a study are equal on both sides and counted separately. The command prints one line per row of
 `reports/*/tables/claims.csv` whose verdict differs from the last commit's.
 """
 
@@ -21,7 +21,7 @@ from structlearn.reporting.claims import UNDECIDED
 from structlearn.reporting.document import Document, Table, render
 
 KEYS = ["testbed", "set", "by", "statement", "case"]
-"""Columns that name a row; `set` only where a table has several."""
+"""Columns that identify a row; `set` only if a table has several."""
 
 SAME, DIGITS, QUOTED = "same", "other digits", "quoted, not run here"
 MARGIN, FLIPPED = "undecided on one", "another verdict"
@@ -30,10 +30,10 @@ NO_ROW = "no such row"
 
 
 def compared(here: Mapping[str, pd.DataFrame], there: Mapping[str, pd.DataFrame]) -> pd.DataFrame:
-    """Outer join of tables of claims by testbed, of here and of another processor.
+    """Outer join of claims tables by testbed, from here and from another processor.
 
-    Returns `KEYS`, `here`, `there` (numbers in words), `verdict_here`, `verdict_there` and `outcome`, one of
-    `OUTCOMES`; a row that only one of them has is `another verdict`.
+    Returns `KEYS`, `here`, `there` (numbers as text), `verdict_here`, `verdict_there` and `outcome`, one of
+    `OUTCOMES`; a row on one side only is `another verdict`.
     """
     both = _rows(here, "here").merge(_rows(there, "there"), on=[*KEYS, "again"], how="outer")
     verdicts = both[["verdict_here", "verdict_there"]]
@@ -58,7 +58,7 @@ def changes(table: pd.DataFrame) -> list[str]:
 
 
 def other_processor_page(table: pd.DataFrame, settings: Mapping[str, str], machine: str) -> str:
-    """The page on `compared` as HTML; `settings`: environment variables that emulate another processor."""
+    """Page on `compared` as HTML; `settings`: environment variables that emulate another processor."""
     counts = {outcome: int((table["outcome"] == outcome).sum()) for outcome in OUTCOMES}
     table = table.drop(columns=[name for name in ("set", "by") if not table[name].astype(bool).any()])
     changed = table[table["outcome"].isin([MARGIN, FLIPPED])].drop(columns="outcome").reset_index(drop=True)
@@ -76,7 +76,7 @@ def _rows(tables: Mapping[str, pd.DataFrame], name: str) -> pd.DataFrame:
     named = [*KEYS, "study"]
     rows = (pd.concat(parts) if parts else pd.DataFrame()).reindex(columns=[*named, "here", "verdict"])
     rows = rows.astype(object).fillna(dict.fromkeys(named, ""))
-    rows["again"] = rows.groupby(KEYS).cumcount()  # of rows with the same words
+    rows["again"] = rows.groupby(KEYS).cumcount()  # numbers rows with equal text
     return rows.rename(columns={"here": name, "verdict": f"verdict_{name}", "study": f"study_{name}"})
 
 
@@ -98,7 +98,7 @@ def written() -> dict[str, pd.DataFrame]:
 
 
 def committed(commit: str = "HEAD") -> dict[str, pd.DataFrame]:
-    """Tables of claims of a commit, by testbed; a CalledProcessError if there is no such commit."""
+    """Claims tables of a commit, by testbed. Raises CalledProcessError: there is no such commit."""
     found = [Path(name) for name in _git("ls-tree", "-r", "--name-only", commit, "reports").splitlines()]
     tables = [path for path in found if path.match(TABLES)]
     return {path.parts[1]: _table(_git("show", f"{commit}:./{path.as_posix()}")) for path in tables}

@@ -1,1 +1,1 @@
-"""What two testbeds or more simulate: an arm, fingers and their electrodes, noise of a hand."""
+"""Simulation shared by several testbeds: an arm, fingers and their electrodes, noise of a hand."""

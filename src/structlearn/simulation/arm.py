@@ -1,7 +1,7 @@
-"""Simulated arms: the kinematics of any URDF, and inertias, friction and payloads that may differ from it.
+"""Simulated arms: kinematics of any URDF, with inertias, friction and payloads that may differ from it.
 
-A compiled loop moves them (`compiled_arm`); PyBullet (`bullet_arm`) is the oracle in tests and in the stage
-`engines`.
+The motion is simulated in a compiled loop (`compiled_arm`); PyBullet (`bullet_arm`) is the oracle in tests
+and in the stage `engines`.
 """
 
 from dataclasses import dataclass
@@ -20,12 +20,12 @@ from structlearn.rigid_body.tree import LinkInertias, Robot, read_urdf
 class Mechanics:
     """Inertias and drives of an arm with n joints."""
 
-    inertias: LinkInertias  # of the links, those of real bodies
+    inertias: LinkInertias  # true inertias of the links
     viscous: np.ndarray  # (n,) N m s/rad
     coulomb: np.ndarray  # (n,) N m
     ripple: np.ndarray  # (n,) N m, amplitude of the drives' torque ripple
     ripple_waves: float = 0.0  # periods of the ripple per rad of the joint
-    latency_steps: int = 0  # steps by which torques act later than they are commanded
+    latency_steps: int = 0  # steps between a torque command and its effect
 
 
 def ideal(inertias: LinkInertias) -> Mechanics:
@@ -36,7 +36,7 @@ def ideal(inertias: LinkInertias) -> Mechanics:
 
 @dataclass(frozen=True)
 class Payload:
-    """A body that the last link carries."""
+    """A body carried by the last link."""
 
     mass_kg: float
     point_m: tuple[float, float, float]  # centre of mass in the last joint's frame
@@ -44,7 +44,7 @@ class Payload:
 
     @property
     def inertia(self) -> float:
-        """About its centre of mass and any axis, kg m^2."""
+        """Moment of inertia about its centre of mass, equal for all axes, kg m^2."""
         return self.mass_kg * self.radius_m**2
 
 
@@ -67,12 +67,12 @@ class ArmParameters(Parameters):
     locked_joints: tuple[str, ...]
 
     def read(self) -> Robot:
-        """The arm; an InputError if there is no such file, or it is no URDF of an arm (see `read_urdf`)."""
+        """The arm. Raises InputError: there is no such file, or it is no URDF of an arm (`read_urdf`)."""
         return read_urdf(urdf_path(self.urdf), self.locked_joints)
 
 
 def urdf_path(name: str) -> Path:
-    """A path, or a file of `pybullet_data` such as `kuka_iiwa/model.urdf`; an InputError if missing."""
+    """A path, or a file of `pybullet_data` such as `kuka_iiwa/model.urdf`. Raises InputError: missing."""
     for path in (Path(name), Path(pybullet_data.getDataPath()) / name):
         if path.is_file():
             return path

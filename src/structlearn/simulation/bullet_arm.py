@@ -2,7 +2,7 @@
 
 PyBullet loads a URDF that is written from the kinematic tree and the inertias of its links, so it simulates
 the same arm as Pinocchio and our own dynamics: locked joints are merged, a "true" arm may differ from its
-original URDF, and there are no collisions. Coulomb friction is Bullet's own, a motor that holds speed zero
+original URDF, and there are no collisions. Coulomb friction is Bullet's own, a motor that holds zero speed
 with bounded torque, solved implicitly (see `compiled_arm`).
 """
 
@@ -23,7 +23,7 @@ SOLVER_ITERATIONS = 1000  # for friction; Bullet's 50 stop early
 
 
 class BulletArm:
-    """One arm on a fixed base. Use as a context manager: PyBullet's server is closed at the end."""
+    """One arm on a fixed base. Use as a context manager, which closes PyBullet's server."""
 
     def __init__(
         self,
@@ -46,7 +46,7 @@ class BulletArm:
         with tempfile.TemporaryDirectory() as folder:
             file = Path(folder) / "arm.urdf"
             file.write_text(arm_urdf(tree, inertias, payload))
-            # without the flag Bullet makes up inertias from collision shapes
+            # without the flag Bullet computes inertias from collision shapes
             flags = pybullet.URDF_USE_INERTIA_FROM_FILE
             self._body = pybullet.loadURDF(str(file), useFixedBase=True, flags=flags, **self._id)
         infos = [
@@ -55,7 +55,7 @@ class BulletArm:
         ]
         places = {info[1].decode(): joint for joint, info in enumerate(infos)}
         self._joints = [places[_joint_name(number)] for number in range(len(tree.names))]
-        # Bullet damps every body and bounds its speed unless told otherwise
+        # Bullet damps every body and limits its speed by default
         free = {"linearDamping": 0, "angularDamping": 0, "jointDamping": 0, "maxJointVelocity": 1e9}
         for link in range(-1, len(infos)):
             pybullet.changeDynamics(self._body, link, **free, **self._id)
@@ -64,7 +64,7 @@ class BulletArm:
         if payload is not None:
             self._payload_link = places[_PAYLOAD]
             self._set_inertia(self._payload_link, 0.0, [0.0] * 3)
-        # also where there is no friction: the default is a brake
+        # also without friction: the default motor is a brake
         motors = {"targetVelocities": [0.0] * len(self._joints), "forces": coulomb.tolist()} | self._id
         pybullet.setJointMotorControlArray(self._body, self._joints, pybullet.VELOCITY_CONTROL, **motors)
 
@@ -85,7 +85,7 @@ class BulletArm:
         self._set_inertia(self._payload_link, self._payload.mass_kg, [self._payload.inertia] * 3)
 
     def step(self, torques: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Positions and velocities (n,) after a step with torques (n,) in N m."""
+        """Take a step with torques (n,) in N m. Returns positions and velocities (n,)."""
         pybullet.setJointMotorControlArray(
             self._body, self._joints, pybullet.TORQUE_CONTROL, forces=torques.tolist(), **self._id
         )
@@ -101,8 +101,8 @@ class BulletArm:
 def arm_urdf(tree: KinematicTree, inertias: LinkInertias, payload: Payload | None = None) -> str:
     """URDF of an arm without shapes and limits, with unit masses and moments, which are set after loading.
 
-    Inertial frames are principal axes, since Bullet diagonalises to six digits only; its reader replaces
-    moments that no body can have by zero. Joint limits would add a constraint each to every step.
+    Inertial frames are principal axes, since Bullet diagonalises only to six digits, and its reader replaces
+    inconsistent moments by zero. Joint limits would add one constraint each to every step.
     """
     parts = [_link("base", np.zeros(3), np.eye(3))]
     for number in range(len(tree.names)):
@@ -115,7 +115,7 @@ def arm_urdf(tree: KinematicTree, inertias: LinkInertias, payload: Payload | Non
             f'<parent link="{"base" if parent < 0 else f"link_{parent}"}"/><child link="link_{number}"/>'
             f"{_origin(tree.translation[number], tree.rotation[number])}"
             f'<axis xyz="{_numbers(tree.axis[number])}"/>'
-            # an upper limit below the lower one means none
+            # an upper limit below the lower one means no limit
             '<limit lower="1" upper="-1" effort="1e9" velocity="1e9"/></joint>',
         ]
     if payload is not None:
@@ -154,7 +154,7 @@ def _roll_pitch_yaw(rotation: np.ndarray) -> np.ndarray:
     """URDF's angles (3,) of a rotation: R = Rz(yaw) Ry(pitch) Rx(roll)."""
     level = float(np.hypot(rotation[0, 0], rotation[1, 0]))
     pitch = np.arctan2(-rotation[2, 0], level)
-    if level < 1e-9:  # roll and yaw turn about the same axis: leave it to yaw
+    if level < 1e-9:  # roll and yaw have the same axis: use yaw alone
         return np.array([0.0, pitch, np.arctan2(-rotation[0, 1], rotation[1, 1])])
     roll = np.arctan2(rotation[2, 1], rotation[2, 2])
     return np.array([roll, pitch, np.arctan2(rotation[1, 0], rotation[0, 0])])
@@ -166,7 +166,7 @@ def _numbers(values: np.ndarray) -> str:
 
 LARGEST = {"joint position (rad)": 1e-7, "hand position (m)": 1e-6}
 LARGEST |= {"joint torque (N m)": 1e-3, "electrodes (counts)": 1.0}
-"""Allowed differences. The engines agree to 1e-13 m and 1e-11 N m; contact may magnify another processor's
+"""Allowed differences. The engines agree to 1e-13 m and 1e-11 N m; contact may amplify another processor's
 rounding, up to a count."""
 
 
@@ -175,7 +175,7 @@ def differences(
 ) -> pd.DataFrame:
     """Largest differences between signals (T, n) of the compiled engine and of PyBullet, a row per signal.
 
-    Raises RuntimeError: one is larger than allowed by `LARGEST`, or one engine stopped earlier.
+    Raises RuntimeError: a difference exceeds `LARGEST`, or one engine stopped earlier.
     """
     rows = []
     for signal, one in compiled.items():

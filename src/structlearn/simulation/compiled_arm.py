@@ -1,14 +1,15 @@
-"""Any arm in a compiled loop: a step of semi-implicit Euler, with Coulomb friction solved implicitly.
+"""Compiled simulation of any arm: semi-implicit Euler steps, with Coulomb friction solved implicitly.
 
-As an explicit torque Coulomb friction would let a light wrist rattle at any step that is fast enough to be of
-use. So the velocities v after a step and the friction impulses f are found together (Bullet's motors that
-hold speed zero with bounded torque are the same problem, which Bullet solves by iteration):
+As an explicit torque, Coulomb friction would make a light wrist chatter at any practical step. So the
+velocities v after a step and the friction impulses f are solved together (Bullet solves the same problem, a
+motor that holds zero speed with bounded torque, by iteration):
 
     M (v - qd) = dt (tau - b) + f        |f_i| <= dt c_i        f_i = -dt c_i sign(v_i) where v_i is not 0
 
-Which joints slide, and which way, is guessed from their velocities before the step. The guess is put right
-joint by joint, always the first one that contradicts it: M is positive definite, so the solution is the only
-one, and this ends there (Murty 1974). Mostly the guess is right, and a step costs one Cholesky factor.
+Which joints slide, and in which direction, is guessed from their velocities before the step. The guess is
+corrected joint by joint, always the first one that contradicts it: M is positive definite, so the solution is
+unique, and this terminates there (Murty 1974). The guess is usually right, and a step costs one Cholesky
+factor.
 """
 
 import numpy as np
@@ -17,17 +18,17 @@ from structlearn.core.compilation import compiled_inside, numba
 from structlearn.rigid_body.compiled_chain import Workspace, factorise, solve
 
 TIE = 1e-9
-"""Relative excess of force at which a held joint slides; keeps round-off from alternating between both."""
+"""Relative excess of force above which a held joint slides; prevents round-off from alternating the two."""
 
 
 @numba.njit(cache=True)
 def step(
     coulomb: np.ndarray, torques: np.ndarray, dt: float, work: Workspace, q: np.ndarray, qd: np.ndarray
 ) -> None:
-    """Move q and qd (n,) on by dt, in place; a joint that friction holds has exactly zero velocity.
+    """Advance q and qd (n,) by dt in s, in place; a joint held by friction has exactly zero velocity.
 
-    `coulomb` (n,) N m of friction; `torques` (n,) N m without it; `work`: of `compiled_chain.dynamics` at q
-    and qd, of whose mass matrix the lower triangle is used.
+    `coulomb` (n,) N m of friction; `torques` (n,) N m without it; `work`: from `compiled_chain.dynamics` at q
+    and qd; the lower triangle of its mass matrix is used.
     """
     count, mass = len(q), work.mass_matrix
     impulse, slides, change = np.empty(count), np.empty(count), np.empty(count)
@@ -76,7 +77,7 @@ def _slide(
     matrix: np.ndarray,
     change: np.ndarray,
 ) -> None:
-    """Compute changes (n,) of velocity if joints slide (-1, 1) or are held (0) as guessed."""
+    """Compute velocity changes (n,) for joints that slide (-1, 1) or are held (0) as guessed."""
     count = len(qd)
     for i in range(count):
         if _held(coulomb, slides, i):
@@ -88,7 +89,7 @@ def _slide(
         for j in range(i + 1):
             other = _held(coulomb, slides, j)
             matrix[j, i] = mass[i, j]
-            if held != other:  # what is held is known, and goes to the right side
+            if held != other:  # known velocity: goes to the right-hand side
                 matrix[j, i] = 0.0
                 if held:
                     change[j] -= mass[i, j] * change[i]

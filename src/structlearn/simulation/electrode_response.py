@@ -1,16 +1,16 @@
-"""Counts of electrodes under a skin that is pressed at a place, for every testbed with touch.
+"""Electrode counts under a skin that is pressed at a place, for every testbed with touch.
 
 The model has the known effects of a fluid-filled finger (Wettels et al. 2008, Biomimetic tactile sensor
 array, Advanced Robotics 22; Lin et al. 2013, ICRA) with a silicone skin (Case et al. 2015, Soft Robotics 2;
 Romano et al. 2024, Soft Science 4:31):
 
     hysteresis: the skin sticks and slips, rate-independent                (play operators)
-    -> creep: the skin gives way slowly                                    (Prony series)
+    -> creep: the skin yields slowly                                       (Prony series)
     -> thinner fluid over the pressed electrodes, bulge elsewhere          (static map)
-    -> lag of the fluid, offsets; noise and rounding are up to the caller
+    -> lag of the fluid, offsets; noise and rounding are added by the caller
 
-Parameters of single electrodes belong to the sensor. Drift with temperature is left out: in the recorded runs
-of 10 s quiet electrodes do not move beyond their noise.
+Parameters of single electrodes belong to the sensor. Temperature drift is left out: in the recorded runs of
+10 s quiet electrodes do not move beyond their noise.
 """
 
 from typing import NamedTuple
@@ -33,19 +33,20 @@ class ResponseParameters(Parameters):
     hertz_mm_n: float = Field(ge=0)  # grows with the cube root of the load (Hertz)
     saturation_1_n: float = Field(ge=0)  # 5 to 1000 kOhm over 0.1 to 30 N (Wettels et al. 2008)
     counts_per_n: float = Field(lt=0)  # moves the strongest electrode as recorded (130 and 430 counts)
-    bulge: float = Field(ge=0)  # the fluid's volume stays: distant electrodes move the other way
+    bulge: float = Field(ge=0)  # constant fluid volume: distant electrodes move the other way
     bulge_n: float = Field(gt=0)
     cross_talk: float = Field(ge=0)  # the fluid conducts
     cross_talk_mm: float = Field(gt=0)  # about the distance between electrodes
-    gain_spread: float = Field(ge=0)  # electrodes are hand-made individuals; chosen
+    gain_spread: float = Field(ge=0)  # electrodes are made by hand; chosen
     width_spread: float = Field(ge=0)
     bulge_spread: float = Field(ge=0)
     offset_counts: float = Field(ge=0)  # as recorded after taring, tens of counts
-    # through play operators; with the creep it makes loops 4 to 7 % as wide as the reading's range, at 0.01
-    # to 1 Hz. Silicone sensors in compression show 3 to 4 % at 0.1 Hz and 9 to 15 % at 1 Hz (Romano et al.
+    # through play operators; with the creep, loops are 4 to 7 % as wide as the reading's range, at 0.01 to
+    # 1 Hz. Silicone sensors in compression show 3 to 4 % at 0.1 Hz and 9 to 15 % at 1 Hz (Romano et al.
     # 2024); here the lag does the latter
     hysteresis: float = Field(ge=0, le=1)
-    # 12 % in all: silicone relaxes under constant strain (Case et al. 2015); none is published for this skin
+    # 12 % in total: silicone relaxes under constant strain (Case et al. 2015); no value is published for this
+    # skin
     creep: tuple[float, float]
     # the recovery time of silicone domes, 0.4 s (Romano et al. 2024), and about the length of a run
     creep_s: tuple[float, float]
@@ -71,7 +72,7 @@ class Response(NamedTuple):
     offset: np.ndarray  # (F, E) counts
     hysteresis: float
     creep: np.ndarray  # (M,)
-    creep_keep: np.ndarray  # (M,) share that stays over one sample
+    creep_keep: np.ndarray  # (M,) share remaining after one sample
     lag_keep: float
 
 
@@ -124,8 +125,8 @@ def played(value: float, thresholds: np.ndarray, share: float, state: np.ndarray
 def crept(value: float, shares: np.ndarray, keeps: np.ndarray, settled: bool, state: np.ndarray) -> float:
     """Creep compliance 1 + sum_m share_m (1 - exp(-t / tau_m)), scaled to 1 at the end.
 
-    `keeps` (M,): share of the state that remains after one sample; `settled` False: the first sample is at
-    the end; updates `state` (M,).
+    `keeps` (M,): share of the state that remains after one sample; `settled` False: the first sample, which
+    starts in equilibrium; updates `state` (M,).
     """
     late = 0.0
     total = 0.0
@@ -161,7 +162,7 @@ def static_counts(load: float, place: np.ndarray, finger: int, response: Respons
 
 @numba.njit(cache=True)
 def lagged(signal: np.ndarray, keep: float, settled: bool, state: np.ndarray) -> None:
-    """First-order lag: updates `state` (E,) towards the signal (E,); the first sample is met at once."""
+    """First-order lag: updates `state` (E,) towards the signal (E,); the first sample is taken over."""
     for electrode in range(len(signal)):
         left = keep * (state[electrode] - signal[electrode]) if settled else 0.0
         state[electrode] = signal[electrode] + left

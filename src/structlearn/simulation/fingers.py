@@ -1,12 +1,12 @@
-"""Two BioTac-like fingers that pinch a tool: counts of their electrodes, sample by sample.
+"""Two BioTac-like fingers pinching a tool: electrode counts, sample by sample.
 
 The model goes from the wrench of the tool on the hand to 38 counts:
 
     wrench, turn -> load and shear of each pad -> where and how hard the skin is pressed   (statics)
-                 -> what the electrodes count                                  (see `electrode_response`)
-                 -> noise, whole counts
+                 -> electrode counts                                            (see `electrode_response`)
+                 -> noise, rounding
 
-Parameters of single electrodes are drawn from the sensor's seed; grip force and the place of the tool belong
+Parameters of single electrodes are drawn from the sensor's seed; grip force and position of the tool belong
 to the grasp and are drawn from the trial's generator.
 """
 
@@ -32,11 +32,11 @@ CHANNELS = 2 * len(ELECTRODES_MM)
 
 PAD_DISTANCE_MM = 10.0  # half the distance between the pads, d: a tool 20 mm thick
 HOME_MM = (-2.0, -3.0)  # unloaded contact centres along the fingers, from the tip's start: the pad's flat
-HOME_ACROSS_MM = (0.0, 1.0)  # the same across the fingers; chosen since two fingers never meet exactly
+HOME_ACROSS_MM = (0.0, 1.0)  # the same across the fingers; chosen, because two fingers never meet exactly
 
 
 class TouchParameters(ResponseParameters):
-    """Two fingers that pinch a tool."""
+    """Two fingers pinching a tool."""
 
     grip_n: float = Field(gt=0)  # so that a 60 g tool pushed with 1 N does not slip at friction 0.5
     grip_spread: float = Field(ge=0)  # chosen: repeatability of a force-controlled gripper
@@ -48,20 +48,20 @@ class TouchParameters(ResponseParameters):
 
 PLAY_MM = np.array([0.03, 0.1, 0.3, 1.0])
 """Thresholds of the play operators on the contact centre, in steps of about three up to the largest
-displacement, so that the relative width of a loop depends little on its size (as loss in rubber)."""
+displacement, so that the relative width of a loop hardly depends on its size (as for losses in rubber)."""
 
 
 class FingerPair:
-    """Two fingers that pinch a tool, read at a constant rate; 38 counts per sample.
+    """Two fingers pinching a tool, read at a constant rate; 38 counts per sample.
 
     Hand frame: x is the pinch axis with the left finger at +x, y the direction of scraping, z distal along
-    the fingers. The first reading finds the grasp settled under the wrench of that moment.
+    the fingers. At the first reading the grasp has settled under the current wrench.
     """
 
     def __init__(
         self, parameters: TouchParameters, sensor_seed: int, trial: np.random.Generator, rate_hz: float
     ) -> None:
-        """Grasp a tool; `sensor_seed`: of single electrodes; `trial`: of grip, place of the tool and noise.
+        """Grasp a tool; `sensor_seed`: for single electrodes; `trial`: for grip, tool position and noise.
 
         Raises ValueError: the rate is not positive.
         """
@@ -82,15 +82,16 @@ class FingerPair:
         self._noise_counts, self._trial = parameters.noise_counts, trial
 
     def read(self, force: np.ndarray, torque: np.ndarray, turn: np.ndarray) -> np.ndarray:
-        """The next sample, (38,) counts, left finger first; a ValueError if a number is not finite.
+        """The next sample, (38,) counts, left finger first.
 
         `force` (3,) N and `torque` (3,) N m about the grasp's centre: of the tool on the hand; `turn` (3,):
-        rotation vector in rad of the tool in the grasp; all in the hand frame.
+        rotation vector in rad of the tool in the grasp; all in the hand frame. Raises ValueError: a value is
+        not finite.
         """
         return self.trace(*(np.asarray(part, dtype=float)[None] for part in (force, torque, turn)))[0]
 
     def trace(self, force: np.ndarray, torque: np.ndarray, turn: np.ndarray) -> np.ndarray:
-        """The next T samples, (T, 3) each, as `read` gives them one by one: (T, 38) counts."""
+        """The next T samples, (T, 38) counts for inputs (T, 3) each, as from repeated `read`."""
         samples = np.hstack([force, torque, turn]).astype(float)
         if not np.isfinite(samples).all():
             raise ValueError("fingers: force, torque and turn must be finite")
@@ -98,7 +99,7 @@ class FingerPair:
         return np.rint(_respond(samples, self._hand) + noise)
 
     def readings(self, count: int) -> "Readings":
-        """The next readings, for a compiled loop that calls `take`; the same numbers as `read`."""
+        """The next readings for a compiled loop that calls `take`; the same numbers as `read`."""
         return Readings(self._hand, self._noise(count))
 
     def _noise(self, count: int) -> np.ndarray:

@@ -8,8 +8,8 @@ SWAY_SHARE, SWAY_HZ = 0.70, (0.1, 1.0)  # slow postural drift, most of the error
 MOTOR_SHARE, MOTOR_HZ = 0.17, (1.0, 6.0)  # signal-dependent (Harris & Wolpert 1998): grows with speed
 TREMOR_SHARE, TREMOR_HZ = 0.13, (8.0, 12.0)  # physiological tremor, 0.05-0.2 mm rms in hand-held tools
 # (Riviere et al. 1997 and the microsurgery literature since): 0.11 mm at the default `noise_mm`
-HAND_WIDTH_M = 0.06  # two grips this far apart, each with the noise, turn the tool: rad = m / HAND_WIDTH_M
-BOARD_HOLDS = 0.3  # what remains of the noise along z while the board carries the tool
+HAND_WIDTH_M = 0.06  # two grips with independent noise, so far apart, rotate the tool: rad = m / HAND_WIDTH_M
+BOARD_HOLDS = 0.3  # remaining share of the noise along z while the board carries the tool
 
 
 def hand_noise(
@@ -18,7 +18,7 @@ def hand_noise(
     """Noise of a hand that holds and moves a tool: position (T, 3) m, rotation vectors (T, 3) rad.
 
     `velocity` (T, 3) m/s of the intended movement; `contact` (T,) 0 in the air, 1 with the tool on the board,
-    which holds it along z. Both parts are proportional to `noise_mm`, on which draws do not depend.
+    which holds it along z. Both outputs are proportional to `noise_mm`; the random draws do not depend on it.
     """
     speed = np.linalg.norm(velocity, axis=1)
     envelope = speed / np.sqrt(np.mean(speed**2))  # unit power over the trial
@@ -39,7 +39,7 @@ def _band_noise(
     length: int, rate_hz: float, band: tuple[float, float], rng: np.random.Generator
 ) -> np.ndarray:
     """Six independent Gaussian processes with all power between two frequencies, unit std: (length, 6)."""
-    padded = next_fast_len(2 * length, real=True)  # twice as long: the ends do not meet
+    padded = next_fast_len(2 * length, real=True)  # twice as long, so that the ends are independent
     frequency = rfftfreq(padded, 1 / rate_hz)
     inside = (frequency >= band[0]) & (frequency <= band[1])
     spectrum = np.zeros((len(frequency), 6), dtype=complex)

@@ -57,7 +57,7 @@ def still(
     `urdf`: of a robot, a path or a file of pybullet_data; none if empty; `angles` (J,) of its movable joints
     in rad, in the order of the URDF; `size`: (W, H) pixels.
     """
-    with _muted():  # it prints its build time and arguments
+    with _muted():  # PyBullet prints its build time and arguments
         import pybullet
         import pybullet_data
         from pybullet_utils.bullet_client import BulletClient
@@ -82,7 +82,7 @@ def still(
 
 @contextmanager
 def _muted() -> Iterator[None]:
-    """Suppress what C code prints."""
+    """Suppress output of C code."""
     sys.stdout.flush()
     nowhere, kept = os.open(os.devnull, os.O_WRONLY), {stream: os.dup(stream) for stream in (1, 2)}
     for stream in kept:
@@ -108,7 +108,7 @@ def _add(client: Any, solid: Solid) -> None:
     client.createMultiBody(
         baseVisualShapeIndex=shape,
         basePosition=list(map(float, solid.position)),
-        baseOrientation=[*vector, w],  # PyBullet's are scalar-last
+        baseOrientation=[*vector, w],  # PyBullet's quaternions are scalar-last
     )
 
 

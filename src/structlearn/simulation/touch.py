@@ -1,4 +1,4 @@
-"""A finger that touches a handle: contact, force and counts, for many fingers at once.
+"""A finger touching a handle: contact, force and counts, for many fingers at once.
 
 The contact is analytic. The skin is a core (an axis-parallel box) inflated by its radius, the handle an
 inflated segment, so both touch where segment and core are closest. One step of a closed loop is
@@ -8,9 +8,9 @@ inflated segment, so both touch where segment and core are closest. One step of 
     signal, memory = touch(contact.load[None], contact.point[None], finger, memory)
     counts = read_out(signal[0], finger, rng)
 
-The skin dents by Hertz's law. Counts are as for the fingers that pinch a tool (`electrode_response`), with
-hysteresis and creep of the load, but not of the place: an object that slides or rolls over the skin does not
-stick to it.
+Indentation follows Hertz's law. Counts are as for the fingers pinching a tool (`electrode_response`), with
+hysteresis and creep of the load, but not of the contact point: an object that slides or rolls over the skin
+does not stick to it.
 """
 
 from dataclasses import dataclass
@@ -38,7 +38,7 @@ NEWTON_STEPS = 8  # enough for the exact closest point: the derivative has at mo
 
 
 class TouchFingerParameters(Parameters):
-    """Parameters of a finger that depend on the object it touches, here not a tool's edge."""
+    """Finger parameters that depend on the touched object, here not a tool's edge."""
 
     # of the pressure under a point contact (std); wider than for an edge, since a handle is round: with it
     # p = -mean(s) rises with the load everywhere on the skin
@@ -114,8 +114,8 @@ def moved(
 def touching(position: np.ndarray, orientation: np.ndarray, handle: Handle, finger: Finger) -> Contact:
     """Contact of fingers at (B, 3) m, (B, 4) finger to base, with the handle.
 
-    The squared distance of core and segment is convex in the place on the segment, its derivative piecewise
-    linear and rising: Newton's method ends at the root.
+    The squared distance of core and segment is convex in the position on the segment, and its derivative
+    piecewise linear and increasing, so Newton's method ends at the root.
     """
     skin = finger.skin
     on_bar = _closest(
@@ -136,9 +136,9 @@ def rested(fingers: int, finger: Finger) -> Memory:
 
 
 def touch(load: np.ndarray, point: np.ndarray, finger: Finger, memory: Memory) -> tuple[np.ndarray, Memory]:
-    """Counts (T, B, E) before noise, and the memory after them.
+    """Counts (T, B, E) before noise, and the updated memory.
 
-    `load` (T, B) N; `point` (T, B, 3) m on the skin, frame of the finger; `memory` is not changed.
+    `load` (T, B) N; `point` (T, B, 3) m on the skin, finger frame; the given `memory` is not changed.
     """
     after = Memory(*(values.copy() for values in memory))
     return _touch(load, 1e3 * point, finger.response, PLAY_N, after), after
@@ -154,7 +154,7 @@ _product = numba.njit(cache=True)(quaternion.product_components)
 
 @numba.njit(cache=True)
 def _rotated(q: np.ndarray | tuple, vector: np.ndarray) -> tuple:
-    """A vector turned by a rotation."""
+    """A vector rotated by a quaternion."""
     axis = (q[1], q[2], q[3])
     once = cross(axis, vector)
     twice = cross(axis, once)
@@ -169,7 +169,7 @@ def _rotated(q: np.ndarray | tuple, vector: np.ndarray) -> tuple:
 def _moved(
     position: np.ndarray, orientation: np.ndarray, step: np.ndarray, turn: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Poses (B, 3), (B, 4) after steps (B, 6) whose turns are (B, 4)."""
+    """Poses (B, 3), (B, 4) after steps (B, 6) whose rotations are (B, 4)."""
     places, turned = np.empty_like(position), np.empty_like(orientation)
     for b in range(len(position)):
         shift = _rotated(orientation[b], step[b])

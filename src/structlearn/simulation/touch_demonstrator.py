@@ -1,7 +1,7 @@
 """Simulated demonstrations of touch: a person guides a finger over a handle (dissertation II.4.1.1).
 
-Two parts, each over several areas of the skin. Rotation: touch, turn about the finger's x axis one way, lift,
-touch, turn back, lift. Translation: touch, swipe along x forwards, lift, touch, swipe backwards, lift, and
+Two parts, each over several areas of the skin. Rotation: touch, rotate about the finger's x axis, lift,
+touch, rotate back, lift. Translation: touch, swipe forwards along x, lift, touch, swipe backwards, lift, and
 all of it once more. The person's force differs between contacts and varies during each.
 """
 
@@ -37,12 +37,12 @@ SLIDES: dict[Motion, tuple[int, ...]] = {"rotation": (1, -1), "translation": (1,
 """Directions of the contacts of a demonstration."""
 
 SAMPLED_EVERY = 3  # robot ticks per sample of the electrodes: 100 Hz at 300 Hz
-APPROACH_S, PRESS_S = 0.5, 0.35  # durations of coming down and of pressing; the same to release and to rise
-WAVER_S = 0.25  # width of the Gaussian that smooths the force a person holds; chosen: it wavers below 1 Hz
+APPROACH_S, PRESS_S = 0.5, 0.35  # durations of approaching and of pressing; the same for release and lifting
+WAVER_S = 0.25  # width of the Gaussian that smooths the person's force; chosen: it varies below 1 Hz
 AREA_SPREAD_MM = 0.7  # std of a contact's start within its area; chosen so that areas adjoin
-DRIFT_MM = 0.4  # std per second of a contact's sideways drift; chosen: a hand does not follow a ruler
-RISE_MM = 8.0  # height of the finger over the handle in the air: clear of it, whatever the sway of the hand
-STAMP_JITTER_S = 2e-4  # standard deviation of the electrodes' stamps, for they have a clock of their own
+DRIFT_MM = 0.4  # std per second of a contact's sideways drift; chosen, because hand motion is not straight
+RISE_MM = 8.0  # height of the finger over the handle in the air, above any sway of the hand
+STAMP_JITTER_S = 2e-4  # standard deviation of the electrodes' stamps, which have their own clock
 TRUTH = ("trial", "time_s", "x_m", "y_m", "z_m", "load_n")  # columns of `true_contacts`
 CLOCK_START_NS = 10**9  # stamp of the first sample
 
@@ -120,7 +120,7 @@ def recorded(run: TouchRun, person: ToucherParameters) -> Recording:
 
 
 def true_contacts(run: TouchRun, person: ToucherParameters) -> pd.DataFrame:
-    """Ground truth: `trial`, `time_s`, `x_m`, `y_m`, `z_m` of the contact in the finger, `load_n`."""
+    """Ground truth: `trial`, `time_s`, `x_m`, `y_m`, `z_m` of the contact in the finger frame, `load_n`."""
     time = np.arange(len(run.load)) * SAMPLED_EVERY / person.rate_hz
     numbers = np.column_stack([time, run.contact_point, run.load]).astype(np.float32)
     columns = (np.full(len(time), run.name), *numbers.T)
@@ -128,7 +128,7 @@ def true_contacts(run: TouchRun, person: ToucherParameters) -> pd.DataFrame:
 
 
 def covered(person: ToucherParameters, skin: Skin) -> tuple[tuple[float, float], tuple[float, float]]:
-    """Ranges of the surface coordinates along and across the finger that are demonstrated, m."""
+    """Demonstrated ranges of the surface coordinates along and across the finger, m."""
     low, high = 1e-3 * np.array(person.along_mm)
     turn = np.radians(person.across_deg) * skin.radius
     return (low, high), (skin.core_low[1] - turn, skin.core_high[1] + turn)
@@ -142,11 +142,11 @@ def held_on_handle(
     finger: Finger,
     tilt: tuple[float | np.ndarray, float | np.ndarray] = (0.0, 0.0),
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Poses (B, 3) m, (B, 4) of a finger on a horizontal handle, its x axis across it, at places of its skin.
+    """Poses (B, 3) m, (B, 4) of a finger touching a horizontal handle, with its x axis across the handle.
 
-    `along`, `across` (B,) m: coordinates of the places (`Skin.surface`); `load` (B,) N; `tilt`: pitch about
-    the handle and yaw about the vertical in rad, () or (B,) each. Tilted by both, the finger touches beside
-    the places by the product of both angles.
+    `along`, `across` (B,) m: surface coordinates of the contact (`Skin.surface`); `load` (B,) N; `tilt`:
+    pitch about the handle and yaw about the vertical in rad, () or (B,) each. With both, the contact is
+    displaced by the product of the two angles.
     """
     skin = finger.skin
     point = skin.surface(along, across)
@@ -235,7 +235,7 @@ def _held_by_hand(
     person: ToucherParameters,
     rng: np.random.Generator,
 ) -> tuple[np.ndarray, np.ndarray]:
-    """The intended path with a hand's sway, motor noise and tremor."""
+    """The intended path with the hand's sway, motor noise and tremor."""
     velocity = np.gradient(position, 1 / person.rate_hz, axis=0)
     off, turned = hand_noise(velocity, contact.astype(float), person.noise_mm, person.rate_hz, rng)
     held = quaternion.product(quaternion.from_rotation_vector(turned), orientation)
@@ -243,12 +243,12 @@ def _held_by_hand(
 
 
 def _between(low: float, high: float, swept: Swept) -> Swept:
-    """Place of a sweep from -1, the low end, to 1."""
+    """Position in a sweep from the low end at -1 to the high end at 1."""
     return 0.5 * (low + high) + 0.5 * (high - low) * swept
 
 
 def _steady(samples: int) -> np.ndarray:
-    """Fraction of the way, (samples,), at constant speed apart from ramps at both ends."""
+    """Fraction of the path, (samples,), at constant speed with ramps at both ends."""
     edge = max(samples // 5, 1)
     speed = np.minimum(1.0, np.minimum(np.arange(1, samples + 1), np.arange(samples, 0, -1)) / edge)
     return np.cumsum(speed) / speed.sum()

@@ -1,1 +1,1 @@
-"""Every call of rerun that two testbeds or more make."""
+"""Calls of rerun that several testbeds share."""

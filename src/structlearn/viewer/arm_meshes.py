@@ -1,4 +1,4 @@
-"""An arm in recordings: the meshes of its URDF, or sticks where it has none, moved by its joints."""
+"""Arms in recordings: the meshes of a URDF, or sticks if it has none, moved by the joints."""
 
 import tempfile
 from collections.abc import Sequence
@@ -25,7 +25,7 @@ def send_arm(
     times: rr.TimeColumn,
     positions: np.ndarray,
 ) -> None:
-    """Log an arm's meshes, and its joints over time, (T, n) rad or m; those that are not named stay at zero.
+    """Log an arm's meshes, and its joints over time, (T, n) rad or m; joints not named stay at zero.
 
     `name`: of the arm, without slashes, unique in the recording.
     """
@@ -63,7 +63,7 @@ def send_sticks(
 
 
 def link_frame(name: str, link: str) -> str:
-    """Frame of a link of an arm, for what is fixed to it (`rr.CoordinateFrame`)."""
+    """Frame of an arm's link, for entities fixed to it (`rr.CoordinateFrame`)."""
     return f"{name}/{link}"
 
 
@@ -75,7 +75,7 @@ def _send_joints(
     times: rr.TimeColumn,
     positions: np.ndarray,
 ) -> None:
-    # entities without a frame of their own live below the root; the arm's base is put there
+    # entities without their own frame are below the root, so the arm's base is placed there
     base = rr.Transform3D(parent_frame="tf#/", child_frame=f"{arm.frame_prefix}{arm.root_link().name}")
     stream.log(entity(name, "frames", "base"), base, static=True)
     columns = {joint: positions[:, number].tolist() for number, joint in enumerate(joints)}
@@ -89,19 +89,19 @@ def _send_joints(
 
 
 def arm_contents(name: str) -> str:
-    """Query expression of all that `send_arm` logs."""
+    """Query expression for everything that `send_arm` logs."""
     return f"/{name}/**"
 
 
 def arm_view(title: str, contents: Sequence[str], tool: np.ndarray) -> rrb.Spatial3DView:
-    """3-D view of an arm on its base, whose tool moves along points (N, 3) in m."""
-    # the arm's own links may be above its tool and beside it
+    """3-D view of an arm on its base, with the tool's path (N, 3) in m."""
+    # the arm's links may be above and beside its tool
     top = [0.0, 0.0, 1.1 * float(np.linalg.norm(tool, axis=1).max())]
     return scene_view(title, contents, np.vstack([1.15 * tool, np.zeros(3), top]))
 
 
 def _read(urdf: Path, name: str) -> UrdfTree:
-    """The URDF with frames prefixed by the arm's name; meshes of packages are read relative to it."""
+    """The URDF with frames prefixed by the arm's name; package meshes are read relative to it."""
     options = {"entity_path_prefix": name, "frame_prefix": f"{name}/"}
     text = urdf.read_text()
     if PACKAGE not in text:
@@ -119,7 +119,7 @@ def send_followed(
     carried_kg: np.ndarray,
     colours: tuple[str, str, str],
 ) -> None:
-    """Log curves of an online learned payload (`payload.follow_payload`) and the true one.
+    """Log curves of a payload learned online (`payload.follow_payload`), and the true one.
 
     `carried_kg` (T,) at `time` (T,) s; `colours`: of the truth, of the learned and of the empty arm's model.
     """

@@ -1,4 +1,4 @@
-"""Flat diagrams in recordings: axes for curves over anything but the time lines."""
+"""Flat diagrams in recordings, with axes other than the timelines."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -10,8 +10,8 @@ import rerun.blueprint as rrb
 from structlearn.palette import GREY
 from structlearn.viewer.rrd import flat_view, rgba
 
-GRID = "#262b31"  # just visible on the viewer's dark ground
-LEFT, RIGHT, ABOVE, BELOW = 2.6, 1.0, 1.6, 2.2  # room around the axes for their numbers and names
+GRID = "#262b31"  # just visible on the viewer's dark background
+LEFT, RIGHT, ABOVE, BELOW = 2.6, 1.0, 1.6, 2.2  # margins around the axes for numbers and names
 TICKS = 6  # approximate intervals per axis
 
 
@@ -25,7 +25,7 @@ class Diagram:
     height: float
 
     def points(self, x: np.ndarray | float, y: np.ndarray | float) -> np.ndarray:
-        """Places in the drawing, (..., 2), of values x and y (...)."""
+        """Points of the drawing, (..., 2), for values x and y (...)."""
         (left, right), (bottom, top) = self.x_range, self.y_range
         across = self.width * (np.asarray(x, float) - left) / (right - left)
         down = self.height * (top - np.asarray(y, float)) / (top - bottom)
@@ -65,7 +65,7 @@ def send_axes(
     grid = rr.LineStrips2D(np.concatenate([upright, level]), colors=colours, radii=-0.6, draw_order=-9.0)
     stream.log(path, grid, static=True)
     below = diagram.points(xs, bottom) + np.array([0.0, 0.1])
-    beside = diagram.points(left, ys) - np.array([0.45 * LEFT, 0.5])  # a label hangs below its point
+    beside = diagram.points(left, ys) - np.array([0.45 * LEFT, 0.5])  # labels hang below their point
     name = diagram.points(0.5 * (left + right), bottom) + np.array([0.0, 0.5 * BELOW])
     labels = [*(f"{value:g}" for value in [*xs, *ys]), x_name]
     stream.log(f"{path}/numbers", texts([*below, *beside, name], labels, [GREY]), static=True)

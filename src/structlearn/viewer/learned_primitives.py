@@ -1,4 +1,4 @@
-"""Recording of learned primitives: the sequence unrolled among its demonstrations, and what drives it."""
+"""Recording of learned primitives: the unrolled sequence with its demonstrations, phase and forcing terms."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
@@ -19,27 +19,27 @@ from structlearn.viewer import rrd
 from structlearn.viewer.recorded_demonstrations import Scenery
 from structlearn.viewer.rrd import entity, plot
 
-PHASE = "phase"  # time line of the elapsed phase, on which paths of different durations are synchronous
-PHASE_STEPS = 1000  # steps of that time line per primitive; time lines of rerun are whole numbers
+PHASE = "phase"  # timeline of the elapsed phase, which aligns paths of different durations
+PHASE_STEPS = 1000  # steps of that timeline per primitive; rerun's timelines are integers
 
 ALL = slice(None)
 
 UNITS = {"speed": "mm/s", "acceleration": "mm/s²", "turning": "degrees/s"}
 
-CONTEXT, CONTEXT_OPACITY = 20, 0.25  # number of demonstrations that are drawn, of more an even choice
-PATH_COLOURS = (LIGHT_BLUE, ORANGE, *AXIS_COLOURS[1:])  # of curves by path, in plots without primitives
+CONTEXT, CONTEXT_OPACITY = 20, 0.25  # most demonstrations drawn, evenly chosen among more
+PATH_COLOURS = (LIGHT_BLUE, ORANGE, *AXIS_COLOURS[1:])  # colours by path, in plots without primitives
 
 
 @dataclass(frozen=True)
 class _Path:
-    """One unrolled sequence, thinned for the screen."""
+    """One unrolled sequence, thinned for display."""
 
     time: np.ndarray  # (T,) s
-    place: np.ndarray  # (T,) index of the primitive that runs
+    place: np.ndarray  # (T,) index of the running primitive
     position: np.ndarray  # (T, 3) m
     orientation: np.ndarray | None  # (T, 4)
     rates: dict[str, np.ndarray]  # by name as in UNITS: (T,)
-    elapsed: np.ndarray  # (T,) s since the primitive began
+    elapsed: np.ndarray  # (T,) s since the start of the primitive
     durations: np.ndarray  # (P,) s
     switches: np.ndarray  # (P + 1,) sample at which each primitive starts, and the last one
 
@@ -66,8 +66,8 @@ def write_primitives(
 ) -> None:
     """Write a learned sequence and its demonstrations as a recording.
 
-    `paths`: unrolled `sequence_table` by name; forcing terms are plotted over the first; `note`: what is
-    shown, in Markdown; `colours`: of the paths by name, default by primitive.
+    `paths`: unrolled `sequence_table` by name; forcing terms are plotted over the first; `note`: description
+    in Markdown; `colours`: of the paths by name; default: by primitive.
     """
     unrolled = {name: _path(table, primitives) for name, table in paths.items()}
     places = [one.position for one in demonstrations] + [one.position for one in unrolled.values()]
@@ -96,7 +96,7 @@ def write_primitives(
 
 
 def _path(table: pd.DataFrame, primitives: Sequence[PosePrimitive]) -> _Path:
-    """A path from its table; the sample of a switch belongs to the successor, as there."""
+    """A path from its table, in which the sample of a switch belongs to the successor."""
     places = {primitive.name: place for place, primitive in enumerate(primitives)}
     place, time = np.array([places[name] for name in table["primitive"]]), table["time_s"].to_numpy()
     starts = np.searchsorted(place, np.arange(len(primitives)))
@@ -130,7 +130,7 @@ def _send_frame(stream: rr.RecordingStream, primitive: PosePrimitive, length: fl
     path = entity("frames", primitive.name)
     stream.log(path, rr.Transform3D(translation=point.start, mat3x3=axes), static=True)
     stream.log(path, rr.TransformAxes3D(2.0 * length), static=True)
-    name, white = f"goal of {primitive.name}", rrd.rgba([WHITE])  # the label shows below the mouse
+    name, white = f"goal of {primitive.name}", rrd.rgba([WHITE])  # the label shows on hovering
     goal = rr.Points3D([point.goal], colors=white, radii=-5.0, labels=name, show_labels=False)
     stream.log(entity("goals", primitive.name), goal, static=True)
 
@@ -143,7 +143,7 @@ def _send_path(
     parts = [path.position[first : last + 1] for first, last in ends]
     line = rr.LineStrips3D(parts, colors=rrd.rgba(strips), radii=-2.5)
     switches = rr.Points3D(path.position[path.switches], colors=rrd.rgba([colour]), radii=-4.0)
-    middle = path.position[[len(path.position) // 2]]  # paths often share their ends
+    middle = path.position[[len(path.position) // 2]]  # because paths often share their ends
     label = rr.Points3D(middle, colors=rrd.rgba([colour]), radii=-1.0, labels=[name], show_labels=True)
     for place, shape in {("paths",): line, ("switches",): switches, ("switches", "label"): label}.items():
         stream.log(entity(place[0], name, *place[1:]), shape, static=True)
@@ -152,7 +152,7 @@ def _send_path(
 
 
 def _send_rates(stream: rr.RecordingStream, name: str, path: _Path, colour: str) -> None:
-    """Log phase, speeds and accelerations, with marks at the switches, where none may jump."""
+    """Log phase, speeds and accelerations, with marks at the switches, where they must be continuous."""
     for symbol, values in zip("pu", path.phase, strict=True):
         curve = entity("phase", name, symbol)
         rrd.send_series(stream, curve, path.indexes(), values[:, None], [f"{symbol}, {name}"], [colour])

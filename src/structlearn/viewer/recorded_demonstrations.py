@@ -1,4 +1,4 @@
-"""Recording of demonstrations: paths and frames in 3-D, all signals over time, and where they were cut."""
+"""Recording of demonstrations: paths and frames in 3-D, all signals over time, and cut points."""
 
 from collections.abc import Callable, Sequence
 from pathlib import Path
@@ -16,7 +16,7 @@ from structlearn.viewer import rrd
 from structlearn.viewer.rrd import entity, plot
 
 AXES = "xyz"
-DETAILED = 12  # demonstrations with a tab each; of a larger set the first ones
+DETAILED = 12  # largest number of demonstrations with a tab each; others are only in the overlay
 ELECTRODES_PER_FINGER = 19  # of a BioTac; other numbers of channels are shown in one plot
 
 Scenery = Callable[[rr.RecordingStream], Sequence[str]]
@@ -34,8 +34,8 @@ def write_demonstrations(
 ) -> None:
     """Write demonstrations as a recording; one tab overlays all, the others show one each.
 
-    `segmentation`: colours the paths by primitive; without it `colours` are by demonstration, default those
-    of primitives in turn; `note`: what is shown, in Markdown.
+    `segmentation`: colours the paths by primitive; without it, `colours` are by demonstration (default: those
+    of primitives in turn); `note`: description in Markdown.
     """
     colours = colours or [primitive_colour(place) for place in range(len(demonstrations))]
     points = np.concatenate([demonstration.position for demonstration in demonstrations])
@@ -70,7 +70,7 @@ def _parts(demonstration: Demonstration, segmentation: Segmentation | None, colo
 
 
 def _cuts(demonstration: Demonstration, segmentation: Segmentation) -> np.ndarray:
-    """(P, 2) start and end of each primitive in s; none of a demonstration that could not be cut."""
+    """(P, 2) start and end of each primitive in s; empty for a demonstration that could not be cut."""
     tables = [segmentation.result(name) for name in segmentation.primitives]
     name, ends = demonstration.name, ["start_s", "end_s"]
     found = [table.loc[name, ends] for table in tables if name in table.index]
@@ -143,7 +143,7 @@ def _signals(demonstration: Demonstration) -> list[_Signal]:
         force, torque = np.split(demonstration.wrench[kept], 2, axis=1)
         found += [_Signal("force", "force (N)", force), _Signal("torque", "torque (N m)", torque)]
     if demonstration.tactile is not None:
-        changes = demonstration.tactile[kept] - demonstration.tactile[0]  # resting values differ by far more
+        changes = demonstration.tactile[kept] - demonstration.tactile[0]  # resting values differ much more
         count, rest = divmod(changes.shape[1], ELECTRODES_PER_FINGER)
         fingers = {"tactile": changes}
         if not rest:

@@ -1,4 +1,4 @@
-"""One .rrd file: open it, log signals and frames into it, and frame its scene."""
+"""Writing of .rrd recordings: opening a file, logging signals and frames, and views of a scene."""
 
 import re
 from collections.abc import Iterator, Mapping, Sequence
@@ -17,14 +17,14 @@ from structlearn.core.errors import InputError
 from structlearn.palette import AXIS_COLOURS, COLOUR_NAMES, LIGHT_BLUE, ORANGE, primitive_colour
 from structlearn.readers.demonstration import Demonstration
 
-TIME = "time"  # time line in seconds since the start of a demonstration or movement
-VIEW_RATE_HZ = 100.0  # signals are thinned to about this rate, enough for a screen
+TIME = "time"  # timeline in seconds since the start of a demonstration or movement
+VIEW_RATE_HZ = 100.0  # approximate rate of displayed signals
 AXIS_SHARE = 0.12  # length of a moving frame's axes as a fraction of the scene's radius
-SHORTEST_AXES = 0.01  # m; also in a scene where little but the orientation moves
+SHORTEST_AXES = 0.01  # m; also in a scene with little but rotation
 NEAREST = 0.06  # m; distance of the camera from such a scene
 HALF_FIELD_OF_VIEW = np.radians(27.5)  # of rerun's camera, from the middle of a view to its upper edge
-NARROWEST = 0.8  # width over height of the narrowest 3-D view that the scene is to fit in
-ROOM = 1.15  # factor on the distance from which all points are just seen, for frames and labels
+NARROWEST = 0.8  # width over height of the narrowest 3-D view into which the scene must fit
+ROOM = 1.15  # factor on the distance at which all points are just visible, for frames and labels
 ELEVATION = np.radians(25.0)  # of the camera: shows paths on a board from above, and heights
 FLOOR_SQUARE_M = 0.1
 GROUND = (13, 13, 13)  # rgb of the background, dark also in browsers with a light theme
@@ -33,24 +33,24 @@ RESTING = "#565d66"  # colour of an electrode that reads as expected
 
 @contextmanager
 def recording(path: str | Path, title: str) -> Iterator[rr.RecordingStream]:
-    """Write a recording; yields the stream, and the file is complete when the block ends, or not there.
+    """Write a recording: yields the stream; the file is complete when the block ends, or absent.
 
-    It is collected in memory, since rerun's file sink reports a full disk in its log at most. The viewer
-    keeps one blueprint per application and merges recordings of equal id, so both are named after the title:
-    several recordings can be open side by side. No wall-clock time is logged. Raises OSError: the file cannot
-    be written; InputError: it cannot be read back.
+    The data are collected in memory, since rerun's file sink at most logs that a disk is full. The viewer
+    keeps one blueprint per application and merges recordings with equal ids, so both are named after the
+    title, and several recordings can be open side by side. No wall-clock time is logged. Raises OSError: the
+    file cannot be written; InputError: it cannot be read back.
     """
-    application = f"structlearn: {re.sub(r'[^A-Za-z0-9 ,:_-]', '', title)}"  # else rerun renames it
+    application = f"structlearn: {re.sub(r'[^A-Za-z0-9 ,:_-]', '', title)}"  # rerun renames other characters
     stream = rr.RecordingStream(application, recording_id=title, send_properties=False)
     stream.set_log_time_enabled(False)
     stream.set_log_tick_enabled(False)
     memory = stream.memory_recording()
     strict = strict_mode()
-    set_strict_mode(True)  # or rerun turns errors into warnings and leaves views empty
+    set_strict_mode(True)  # otherwise rerun turns errors into warnings and leaves views empty
     try:
         stream.send_recording_name(title)
         yield stream
-        written = memory.drain_as_bytes()  # with the footer that `rerun rrd verify` asks for
+        written = memory.drain_as_bytes()  # with the footer that `rerun rrd verify` requires
     finally:
         set_strict_mode(strict)
         stream.disconnect()
@@ -62,12 +62,12 @@ def recording(path: str | Path, title: str) -> Iterator[rr.RecordingStream]:
 
 
 def entity(*parts: str) -> str:
-    """Path of an entity from names, in which special characters are escaped."""
+    """Path of an entity from names, with special characters escaped."""
     return rr.new_entity_path(list(parts))
 
 
 def rgba(colours: Sequence[str], opacity: float = 1.0) -> np.ndarray:
-    """Colours `#rrggbb` as rerun takes them, (N,) 0xRRGGBBAA."""
+    """Colours `#rrggbb` in rerun's format, (N,) 0xRRGGBBAA."""
     alpha = f"{round(255 * opacity):02x}"
     return np.array([int(f"{colour[1:]}{alpha}", 16) for colour in colours], dtype=np.uint32)
 
@@ -94,12 +94,12 @@ def origin_label(demonstrations: Sequence[Demonstration]) -> str:
 
 
 def thinning(dt: float, rate_hz: float = VIEW_RATE_HZ) -> int:
-    """Step of samples that are kept."""
+    """Stride that thins samples to about this rate."""
     return max(1, round(1.0 / (rate_hz * dt)))
 
 
 def time_column(times: np.ndarray) -> rr.TimeColumn:
-    """Times (T,) in s on the time line of seconds."""
+    """Times (T,) in s on the timeline of seconds."""
     return rr.TimeColumn(TIME, duration=times)
 
 
@@ -112,7 +112,7 @@ def send_series(
     colours: Sequence[str] = AXIS_COLOURS,
     width: float = 1.5,
 ) -> None:
-    """Log D signals, (T, D) with T times on each time line, as lines of one plot."""
+    """Log D signals, (T, D) with T times on each timeline, as lines of one plot."""
     style = rr.SeriesLines(names=list(names), colors=rgba(colours[: len(names)]), widths=[width] * len(names))
     stream.log(path, style, static=True)
     columns = rr.Scalars.columns(scalars=values.ravel())
@@ -150,9 +150,9 @@ def send_moving_point(
     order: float | None = None,
     there: np.ndarray | None = None,
 ) -> None:
-    """Log a point, (T, 2) or (T, 3) over times (T,) in s; it vanishes where it is not `there` (T,).
+    """Log a point, (T, 2) or (T, 3) over times (T,) in s; it is hidden where it is not `there` (T,).
 
-    `radius`: in the unit of the places; `order`: of drawing on a flat picture.
+    `radius`: in the unit of the places; `order`: draw order on a flat picture.
     """
     kind: Any = rr.Points3D if places.shape[1] == 3 else rr.Points2D
     look = {"colors": rgba([colour]), "radii": radius} | ({} if order is None else {"draw_order": order})
@@ -212,14 +212,14 @@ def solid_boxes(
 def send_primitive_lane(
     stream: rr.RecordingStream, path: str, indexes: Sequence[rr.TimeColumn], names: Sequence[str]
 ) -> None:
-    """Log a coloured lane of P primitives that start at P + 1 times; the last one is the end."""
+    """Log a coloured lane of P primitives from P + 1 times: their starts, and the end of the last."""
     colours = [primitive_colour(place) for place in range(len(names))]
     stream.log(path, rr.StateConfiguration(values=names, colors=rgba(colours)), static=True)
     stream.send_columns(path, indexes, rr.StateChange.columns(state=[*names, ""]))
 
 
 def axis_length(points: np.ndarray) -> float:
-    """Length in m of the axes of frames that move among the points (N, 3)."""
+    """Length in m of the axes of frames moving among the points (N, 3)."""
     radius = 0.5 * float(np.linalg.norm(np.ptp(points, axis=0)))
     return max(AXIS_SHARE * radius, SHORTEST_AXES)
 
@@ -227,11 +227,11 @@ def axis_length(points: np.ndarray) -> float:
 def scene_view(
     name: str, contents: Sequence[str], points: np.ndarray, floor_m: float | None = None
 ) -> rrb.Spatial3DView:
-    """3-D view of points (N, 3) m, along the horizontal direction of least extent and a little from above."""
+    """3-D view of points (N, 3) m, along the horizontal direction of least extent and slightly from above."""
     centre = 0.5 * (points.min(axis=0) + points.max(axis=0))
     horizontal = points[:, :2] - points[:, :2].mean(axis=0)
     least = np.linalg.eigh(horizontal.T @ horizontal)[1][:, 0]
-    least = least if least.sum() >= 0 else -least  # an eigenvector's sign is arbitrary; keep the same side
+    least = least if least.sum() >= 0 else -least  # an eigenvector's sign is arbitrary: always the same side
     backward = np.array([*(np.cos(ELEVATION) * least), np.sin(ELEVATION)])
     right = np.array([-least[1], least[0], 0.0])
     across = np.abs((points - centre) @ np.column_stack([right, np.cross(backward, right)]))  # (N, 2)
@@ -247,7 +247,7 @@ def eye_view(
     from_target: np.ndarray,
     floor_m: float | None = None,
 ) -> rrb.Spatial3DView:
-    """3-D view of a target (3,) from a place (3,) relative to it, both in m; `floor_m`: height of a grid."""
+    """3-D view of a target (3,) from a position (3,) relative to it, both in m; `floor_m`: height of a grid."""
     floor = floor_m is not None and rrb.LineGrid3D(
         visible=True,
         spacing=FLOOR_SQUARE_M,
@@ -265,7 +265,7 @@ def eye_view(
 def flat_view(
     name: str, paths: str | Sequence[str], x_range: Sequence[float], y_range: Sequence[float]
 ) -> rrb.Spatial2DView:
-    """View of a drawing below a path or several, y downwards."""
+    """View of a drawing below one or several entity paths, y downwards."""
     contents = [f"{path}/**" for path in ([paths] if isinstance(paths, str) else paths)]
     bounds = rrb.VisualBounds2D(x_range=x_range, y_range=y_range)
     return rrb.Spatial2DView(
@@ -274,7 +274,7 @@ def flat_view(
 
 
 def plot(name: str, contents: Sequence[str], legend: bool = True) -> rrb.TimeSeriesView:
-    """Plot over time, whose time axis is linked with all others."""
+    """Plot over time, with its time axis linked to all others."""
     return rrb.TimeSeriesView(
         name=name,
         origin="/",
@@ -293,9 +293,9 @@ def lanes(contents: Sequence[str]) -> rrb.StateTimelineView:
 def layout(
     content: rrb.Container | rrb.View, timeline: str = TIME, steps_per_s: float | None = None
 ) -> rrb.Blueprint:
-    """Blueprint with collapsed side panels, which plays a time line in a loop.
+    """Blueprint with collapsed side panels, which plays a timeline in a loop.
 
-    `steps_per_s`: speed of time lines of whole numbers.
+    `steps_per_s`: speed of integer timelines.
     """
     looped: dict[str, Any] = {"timeline": timeline, "play_state": "playing", "loop_mode": "all"}
     panels = rrb.BlueprintPanel(state="collapsed"), rrb.SelectionPanel(state="collapsed")
@@ -303,7 +303,7 @@ def layout(
 
 
 def send_notes(stream: rr.RecordingStream, text: str, *parts: str) -> None:
-    """Log what is shown, in Markdown."""
+    """Log a description in Markdown."""
     stream.log(notes_path(*parts), rr.TextDocument(text, media_type=rr.MediaType.MARKDOWN), static=True)
 
 
@@ -314,7 +314,7 @@ def notes_view(*parts: str, name: str = "what is shown") -> rrb.TextDocumentView
 
 
 def notes_path(*parts: str) -> str:
-    """Entity of notes."""
+    """Entity of the notes."""
     return entity("notes", *parts)
 
 

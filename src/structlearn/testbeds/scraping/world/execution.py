@@ -324,7 +324,5 @@ def _quaternions(rotations: np.ndarray) -> np.ndarray:
     """Sign-continuous unit quaternions of rotation matrices (T, 3, 3)."""
     from scipy.spatial.transform import Rotation
 
-    xyzw = Rotation.from_matrix(
-        rotations, assume_valid=True
-    ).as_quat()  # valid: products of a kinematic chain
+    xyzw = Rotation.from_matrix(rotations, assume_valid=True).as_quat()  # products of rotations
     return quaternion.sign_continuous(quaternion.from_xyzw(xyzw))
