@@ -1,4 +1,4 @@
-"""Repeat a run of each testbed with a moving arm in PyBullet, and hold the compiled engine against it."""
+"""Rerun one motion per testbed with a moving arm in PyBullet, and compare it with the compiled engine."""
 
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -30,7 +30,7 @@ from structlearn.testbeds.scraping.world.scraping_world import World, load
 from structlearn.testbeds.scraping.world.testbed import TestbedParameters
 
 COMPARED_S = 8.0
-"""First part of a joint log; in it all joints move, some turn back."""
+"""Length of the compared part of a joint log, in which all joints move and some reverse."""
 
 
 def main() -> None:
@@ -38,7 +38,7 @@ def main() -> None:
 
 
 def corrected_execution() -> pd.DataFrame:
-    """One execution on the steepest board while a person corrects."""
+    """One execution at the largest tilt, corrected by a person."""
     settings = stage_parameters("record_corrections", ExecutionParameters).settings_deg
     testbed = stage_parameters("testbed", TestbedParameters)
     skill = ReactiveSkill(read_primitives("data/primitives/scraping/primitives.safetensors"))
@@ -49,7 +49,7 @@ def corrected_execution() -> pd.DataFrame:
 
 @contextmanager
 def in_pybullet(world: World) -> Iterator[Advance]:
-    """What `scraping_world.advance` does, with PyBullet integrating the motion."""
+    """Yield `scraping_world.advance`, with PyBullet integrating the motion."""
     robot = scraping_robot.whole()
     with BulletArm(robot.tree, robot.inertias, np.zeros(len(world.q)), world.dt) as arm:
         arm.place(world.q, world.v)

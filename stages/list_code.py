@@ -1,6 +1,6 @@
-"""List the code that each stage of a pipeline uses, with digests: an edit reruns only what uses it.
+"""List the code that each stage of a pipeline uses, with digests, so that edits rerun only affected stages.
 
-Likewise parameters that several stages share, a file each; their keys follow the pipeline's name.
+Parameters shared by several stages are listed likewise, one file each; their keys follow the pipeline's name.
 """
 
 import sys
@@ -19,7 +19,7 @@ NO_STAGES = ("list_code.py", "make_example.py")
 
 
 def scripts(pipeline: str) -> Iterator[Path]:
-    """Of the stages of `main`, or of a pipeline whose `dvc.yaml` lies beside its scripts."""
+    """Scripts of the stages of `main`, or of a pipeline whose `dvc.yaml` is beside its scripts."""
     for script in sorted(SCRIPTS.rglob("*.py")):
         its = script.parent.name if (script.parent / "dvc.yaml").exists() else "main"
         if its == pipeline and script.name not in NO_STAGES:

@@ -1,4 +1,4 @@
-"""The front page: what came out, in words, from the claims that reports judged."""
+"""Publish the front page: results as text, from the claims judged in the reports."""
 
 from pathlib import Path
 

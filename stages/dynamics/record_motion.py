@@ -25,7 +25,7 @@ def main() -> None:
     stand_ins = stage_parameters("stand_in", StandInParameters)
     arm = stage_parameters("arm", ArmParameters)
     robot = arm.read()
-    # the first in this process, which compiles the arm once; each worker would do so again
+    # the first in this process, which compiles the arm once; otherwise each worker would
     made = {f"{IDEAL}/{IDEAL}": ideal_log(robot, motion)}
     logs = {}
     for seed in stage_parameters("dynamics_robots", Population).test:

@@ -1,4 +1,4 @@
-"""The report of the dynamics testbed: figures, tables, findings and the page that shows them."""
+"""Publish the report of the dynamics testbed: its page, figures, tables and findings."""
 
 import pandas as pd
 
@@ -47,7 +47,7 @@ COMPARED = {
     "franka_panda/panda.urdf": ("panda_finger_joint2",),  # it follows the other finger
     "xarm/xarm6_robot.urdf": (),
 }
-"""Robots of pybullet_data, with the joints that are locked."""
+"""Robots of pybullet_data, with their locked joints."""
 
 FRICTION_MODELS = ("cov", f"cov{COULOMB}")
 

@@ -1,4 +1,4 @@
-"""Let the arm and the stand-ins follow sines and reaches with every model (tables III.1 and III.2)."""
+"""Track sines and reaches with every model in the controller of arm and stand-ins (tables III.1, III.2)."""
 
 from collections.abc import Sequence
 from functools import cache

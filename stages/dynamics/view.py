@@ -1,4 +1,4 @@
-"""Recordings to look at: the arm reaching with each model, torques of the robot, and the payload (III.4)."""
+"""Write recordings: the arm reaching with each model, torques of the robot, and the payload (III.4)."""
 
 from structlearn.core.artefacts import publish
 from structlearn.core.stage import run, stage_parameters

@@ -1,4 +1,4 @@
-"""Learn unhindered reaches, and what hands do about obstacles as supervised data (IV.8.1, eq. IV.23)."""
+"""Fit the free reaches, and compute coupling targets and features around obstacles (IV.8.1, eq. IV.23)."""
 
 from functools import partial
 

@@ -1,4 +1,4 @@
-"""Let a person reach without and past obstacles: 1 800 reaches, simulated in bulk (dissertation IV.8.3)."""
+"""Simulate a person's reaches without and around obstacles: 1 800 reaches (dissertation IV.8.3)."""
 
 from functools import partial
 

@@ -1,4 +1,4 @@
-"""Unroll reaches past known, unseen, moving and several obstacles with everybody's models (IV.8.4-8.7)."""
+"""Unroll reaches around known, unseen, moving and several obstacles with all models (IV.8.4-8.7)."""
 
 from functools import partial
 

@@ -1,4 +1,4 @@
-"""The report of the obstacle testbed: figures, tables, findings and the page that shows them."""
+"""Publish the report of the obstacle testbed: its page, figures, tables and findings."""
 
 from structlearn.avoidance.avoidance_dataset import AvoidanceDataParameters
 from structlearn.core.artefacts import read_table

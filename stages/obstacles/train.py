@@ -1,4 +1,4 @@
-"""Train everybody's avoidance models per setting, per shape and for all shapes (IV.8.5, IV.8.6)."""
+"""Train avoidance models of all people per setting, per shape and for all shapes (IV.8.5, IV.8.6)."""
 
 from structlearn.avoidance.avoidance_dataset import from_table
 from structlearn.avoidance.learned_models import write_models

@@ -1,4 +1,4 @@
-"""Recordings to look at: demonstrations past obstacles, what models do, and unseen obstacles (IV.8)."""
+"""Write recordings: demonstrations around obstacles, unrolls of models, and unseen obstacles (IV.8)."""
 
 from structlearn.avoidance.avoidance_dataset import AvoidanceDataParameters
 from structlearn.core.artefacts import publish, read_table

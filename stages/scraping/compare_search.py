@@ -43,7 +43,7 @@ def searches(
     refined: BoardRefinementParameters,
     parameters: ComparisonParameters,
 ) -> pd.DataFrame:
-    """Both searches for every primitive that is refined, from what its model before refinement does."""
+    """Both searches for every refined primitive, starting from the behaviour of its initial model."""
     tables = []
     for name in [one.name for one in board.skill.primitives if one.name in refined.exploration]:
         own, exploration = board.of(name, after), refined.exploration[name]

@@ -1,4 +1,4 @@
-"""Sensor deviations and the coupling terms that people asked for, as supervised data (IV.6.2, IV.9.1.3)."""
+"""Compute sensor deviations and demonstrated coupling terms as supervised data (IV.6.2, IV.9.1.3)."""
 
 from structlearn.core.artefacts import publish, write_table
 from structlearn.core.stage import run, stage_parameters

@@ -1,4 +1,4 @@
-"""Execute the nominal primitives on the flat board and learn what the fingers should feel (IV.9.1.3, ii)."""
+"""Execute the nominal primitives on the level board, and learn the expected sensor traces (IV.9.1.3, ii)."""
 
 from structlearn.core.artefacts import publish
 from structlearn.core.stage import run, stage_parameters
@@ -29,7 +29,7 @@ def main() -> None:
     with publish("data/raw/scraping/unrolls") as folder:
         write_recordings(
             executed[: parameters.runs], folder
-        )  # on the sensors' own clocks, as calibrate needs
+        )  # with the sensors' own clocks, as needed by `calibrate`
     level = [synchronise(one, **clock.model_dump()) for one in executed]
     unrolls = level[: parameters.runs]
     write_runs(unrolls, "data/runs/scraping/unrolls.parquet")

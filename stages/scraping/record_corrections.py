@@ -1,4 +1,4 @@
-"""Record corrected demonstrations on the tilted board, a set per setting (IV.9.1.3, iii)."""
+"""Record corrected demonstrations on the tilted board, one set per setting (IV.9.1.3, iii)."""
 
 from structlearn.core.artefacts import publish
 from structlearn.core.stage import run, stage_parameters

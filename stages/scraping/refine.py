@@ -1,4 +1,4 @@
-"""Refine the feedback models by trial on a tilt of the board that they have not seen (IV.7, IV.9.4)."""
+"""Refine the feedback models by trial at a tilt of the board that they have not seen (IV.7, IV.9.4)."""
 
 from structlearn.core.artefacts import publish, write_table
 from structlearn.core.stage import run, stage_parameters
@@ -30,7 +30,7 @@ def main() -> None:
 
 
 def tell(name: str, progress: Progress) -> None:
-    """One line per iteration."""
+    """Print one line per iteration."""
     now = progress.history[progress.history["iteration"] == progress.iteration]
     costs = ", ".join(f"{kind} {rows['cost_rad'].mean():.1f}" for kind, rows in now.groupby("kind"))
     failed = int((now["fault"] != "").sum())

@@ -1,4 +1,4 @@
-"""The report of the scraping testbed: three pages with their figures, tables and findings."""
+"""Publish the report of the scraping testbed: its three pages, figures, tables and findings."""
 
 from structlearn.core.params import Population
 from structlearn.core.stage import run, stage_parameters
@@ -48,7 +48,7 @@ PARAMETERS = {
         "compare_search": ComparisonParameters,
     },
 }
-"""By page, what its results were made with."""
+"""Parameters behind the results, by page."""
 
 
 def main() -> None:

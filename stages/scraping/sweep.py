@@ -1,4 +1,4 @@
-"""How the cuts suffer from noise, and from down-sampling the alignment (dissertation IV.5, appendix C)."""
+"""Measure the effect of noise, and of down-sampling the alignment, on cuts (IV.5, appendix C)."""
 
 from structlearn.core.artefacts import publish, write_table
 from structlearn.core.stage import run, stage_parameters

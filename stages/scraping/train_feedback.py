@@ -1,4 +1,4 @@
-"""Train feedback models: as in the text, on the level board too, and in the unroll (IV.6.2.4, V.2)."""
+"""Train feedback models: as in the text, with executions on the level board, and unrolled (IV.6.2.4, V.2)."""
 
 from structlearn.core.artefacts import publish
 from structlearn.core.stage import run, stage_parameters

@@ -1,4 +1,4 @@
-"""Recordings to look at: demonstrations, alignment, primitives (IV.5), executions and refinement (IV.9)."""
+"""Write recordings: demonstrations, alignment, primitives (IV.5), executions and refinement (IV.9)."""
 
 from structlearn.core.artefacts import publish
 from structlearn.core.stage import run, stage_parameters

@@ -1,4 +1,4 @@
-"""Put what was learned into one file for a robot: primitives, feedback, bounds, workspace, provenance."""
+"""Write the skill file for a robot: primitives, feedback, bounds, workspace, provenance."""
 
 from pathlib import Path
 

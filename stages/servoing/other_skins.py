@@ -1,4 +1,4 @@
-"""Demonstrate and learn with fingers of another shape: the method assumes no geometry (II.5)."""
+"""Demonstrate and learn with fingers of other shapes: the method assumes no geometry (II.5)."""
 
 from functools import partial
 

@@ -1,4 +1,4 @@
-"""The report of the servoing testbed: figures, tables, findings and the page that shows them."""
+"""Publish the report of the servoing testbed: its page, figures, tables and findings."""
 
 from structlearn.core.artefacts import read_table
 from structlearn.core.params import Population

@@ -1,4 +1,4 @@
-"""Samples of touch from the recordings: low-pass, offsets, contacts, contact points, splits (II.4.1.1)."""
+"""Prepare samples of touch: low-pass, offsets, contacts, contact points, splits (II.4.1.1)."""
 
 from structlearn.core.stage import run, stage_parameters
 from structlearn.readers.demonstration import read_runs

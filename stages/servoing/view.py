@@ -1,4 +1,4 @@
-"""Recordings to look at: demonstrations of touch, the latent map, and closed loops (chapter II)."""
+"""Write recordings: demonstrations of touch, the latent map, and closed loops (chapter II)."""
 
 from structlearn.core.artefacts import publish, read_table
 from structlearn.core.stage import run, stage_parameters

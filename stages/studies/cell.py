@@ -1,4 +1,4 @@
-"""A cell of a study: the stages of a testbed for other people or robots, and what is kept of its report."""
+"""Run a cell of a study: the stages of a testbed for other people or robots; keep tables of its report."""
 
 import sys
 from pathlib import Path

@@ -1,4 +1,4 @@
-"""Measure the same statistics of touch on recordings and on the simulated robot's nominal executions."""
+"""Compute statistics of touch in recordings and in the simulated robot's nominal executions."""
 
 from pathlib import Path
 

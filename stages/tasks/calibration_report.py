@@ -1,4 +1,4 @@
-"""The report that sets simulated touch beside recorded touch."""
+"""Publish the report that compares simulated with recorded touch."""
 
 from pathlib import Path
 

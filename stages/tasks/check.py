@@ -1,4 +1,4 @@
-"""Hold a skill against the robot that is to run it."""
+"""Check whether the task's robot can execute its skill."""
 
 from structlearn.core.artefacts import publish
 from structlearn.feedback.skill_file import read_skill

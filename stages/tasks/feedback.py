@@ -1,4 +1,4 @@
-"""Learn coupling from the corrections of a task, with sensors or over phase alone (IV.6, IV.9.1)."""
+"""Learn coupling from a task's corrections, with sensors or as a function of phase (IV.6, IV.9.1)."""
 
 from pathlib import Path
 
@@ -34,7 +34,7 @@ def main(files: TaskFiles) -> None:
 def learn_over_phase(
     files: TaskFiles, parameters: phase_corrections.PhaseCorrectionParameters, folder: Path
 ) -> None:
-    """Coupling of corrected runs of the task's one primitive."""
+    """Coupling of corrected runs of the task's only primitive."""
     if not (files.recorded / "corrected.parquet").exists():
         raise MissingInputError("the corrected runs are not recorded here")
     nominal, runs = files.primitives()[0].position, files.runs("corrected")

@@ -1,4 +1,4 @@
-"""Check a task's entry and read its recordings once; it always runs, and what it writes decides the rest."""
+"""Check a task's entry and import its recordings; always runs, and its outputs decide what else does."""
 
 from structlearn.tasks.task_entry import read_task, source_digests, write_task
 from structlearn.tasks.task_files import TaskFiles, run_for_task

@@ -1,4 +1,4 @@
-"""Write the bags of the example task, as somebody might have recorded them: `make own-example`."""
+"""Write the bags of the example task, as a lab might record them: `make own-example`."""
 
 from pathlib import Path
 

@@ -1,6 +1,6 @@
-"""Identify the arm of a task from logs of its joints (dissertation III.4).
+"""Identify the arm of a task from joint logs (dissertation III.4).
 
-What loads slowly is imported where it is needed: of a public set that is not here there are no logs.
+Slow modules are imported only when needed: a missing public set has no logs.
 """
 
 from shutil import rmtree

@@ -1,4 +1,4 @@
-"""Learn from the reaches of a task past obstacles, and try what was learned in scenes left out (IV.8)."""
+"""Learn from a task's reaches around obstacles, and test in held-out scenes (IV.8)."""
 
 import pandas as pd
 

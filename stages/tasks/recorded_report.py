@@ -1,4 +1,4 @@
-"""The page over all public sets."""
+"""Publish the index page of all public sets."""
 
 from structlearn.core.stage import run
 from structlearn.tasks.recorded_index import publish_index

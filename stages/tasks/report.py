@@ -1,4 +1,4 @@
-"""The page of a task."""
+"""Publish the page of a task."""
 
 from structlearn.tasks.task_files import run_for_task
 from structlearn.tasks.task_page import publish_page

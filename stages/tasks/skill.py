@@ -1,4 +1,4 @@
-"""Put what was learned of a task into one file for a robot: primitives, feedback, bounds, origin."""
+"""Write a task's skill file for a robot: primitives, feedback, bounds, provenance."""
 
 from structlearn.core.artefacts import publish
 from structlearn.core.errors import InputError
@@ -17,7 +17,9 @@ def main(files: TaskFiles) -> None:
     workspace = demonstrated_workspace(paths, own.skill.workspace_margin_m)
     try:
         skill = ReactiveSkill(files.primitives(), workspace=workspace)
-    except InputError as error:  # a primitive that no controller can step, e.g. a turn beyond half a circle
+    except (
+        InputError
+    ) as error:  # a primitive that the controller cannot step, e.g. a turn beyond half a circle
         with publish(files.folder / "skill") as folder:
             leave_out(folder, str(error))
         return

@@ -1,6 +1,6 @@
-"""Learn from the touches of a task: a skin and its map, expected traces, or what carries over (II, IV.6).
+"""Learn from a task's touches: a skin and its map, expected traces, or transfer between sets (II, IV.6).
 
-What loads slowly is imported where it is needed.
+Slow modules are imported only when needed.
 """
 
 from pathlib import Path

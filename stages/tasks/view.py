@@ -1,4 +1,4 @@
-"""Recordings of a task to look at: movements and primitives, an arm with a load, touches, or reaches."""
+"""Write a task's recordings: movements and primitives, an arm with a load, touches, or reaches."""
 
 from pathlib import Path
 
@@ -49,7 +49,7 @@ VIEWS = {
     "touch": (write_touch, "Sets of touches have no recording; each is in its own task."),
     "obstacles": (write_obstacles, "The task has no reaches past obstacles."),
 }
-"""By kind of data: what writes recordings into a folder, and why there may be none."""
+"""By kind of data: function that writes recordings to a folder, and the reason if it writes none."""
 
 
 def main(files: TaskFiles) -> None:

@@ -247,7 +247,7 @@ def eye_view(
     from_target: np.ndarray,
     floor_m: float | None = None,
 ) -> rrb.Spatial3DView:
-    """3-D view of a target (3,) from a position (3,) relative to it, both in m; `floor_m`: height of a grid."""
+    """3-D view of a target (3,) m from a relative position (3,) m; `floor_m`: height of a grid."""
     floor = floor_m is not None and rrb.LineGrid3D(
         visible=True,
         spacing=FLOOR_SQUARE_M,
