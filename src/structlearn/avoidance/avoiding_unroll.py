@@ -197,7 +197,6 @@ def _turned(vectors: np.ndarray, frames: np.ndarray) -> np.ndarray:
 
 
 def _change_sample(change: GoalChange, time: np.ndarray) -> int:
-    """Sample nearest to the change of goal."""
     sample = sample_count(change.time, time[1]) - 1
     if not 0 < sample < len(time) - 1:
         raise InputError(f"the goal changes at {change.time:g} s, outside the movement of {time[-1]:g} s")

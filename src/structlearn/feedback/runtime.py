@@ -238,7 +238,6 @@ class Controller:
 
 
 def _read_only(array: np.ndarray) -> np.ndarray:
-    """Read-only view of an array."""
     view = array.view()
     view.flags.writeable = False
     return view

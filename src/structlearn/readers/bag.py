@@ -238,7 +238,7 @@ def _type_name(channel: Channel, schema: Schema | None) -> str:
 
 
 def _records(file: BinaryIO, budget: Budget) -> Iterator[McapRecord]:
-    """All records; those within a chunk follow it."""
+    """All records; the contents of a chunk follow the chunk."""
     footer = None
     for record in StreamReader(file, emit_chunks=True, validate_crcs=True).records:
         yield record

@@ -176,7 +176,6 @@ def _cut_rows(
 
 
 def _pair_rows(demonstration: str, primitive: str, one: Refined) -> pd.DataFrame:
-    """Rows of `Segmentation.pairs`."""
     reference_s, guess_s = one.reference.dt * one.pairs[:, 0], one.own.dt * one.pairs[:, 1]
     columns = (demonstration, primitive, reference_s, guess_s, one.weights)
     return pd.DataFrame(dict(zip(PAIR_COLUMNS, columns, strict=True)))

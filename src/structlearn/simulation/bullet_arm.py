@@ -94,7 +94,6 @@ class BulletArm:
         return np.array([state[0] for state in states]), np.array([state[1] for state in states])
 
     def _set_inertia(self, link: int, mass: float, moments: list[float]) -> None:
-        """Set a link's mass and principal moments."""
         pybullet.changeDynamics(self._body, link, mass=mass, localInertiaDiagonal=moments, **self._id)
 
 

@@ -128,7 +128,6 @@ def _movements(task: MovementEntry, folder: Path, left_out: LeftOut) -> None:
 
 
 def _logs(task: MotionParameters, folder: Path, left_out: LeftOut) -> None:
-    """`logs`."""
     logs = read_source(task, task.source, left_out)
     if not logs:
         raise MissingInputError(f"{task.source}: holds no log that can be read")

@@ -130,7 +130,6 @@ class _Signal(NamedTuple):
 
 
 def _signals(demonstration: Demonstration) -> list[_Signal]:
-    """All plots of a demonstration."""
     kept = slice(None, None, rrd.thinning(demonstration.dt))
     position = demonstration.position[kept]
     found = [_Signal("moved", "moved (mm)", 1e3 * (position - position[0]))]

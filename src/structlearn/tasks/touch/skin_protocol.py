@@ -29,9 +29,9 @@ SPREAD = 0.5  # of likely actions, over which the corrected controller takes slo
 def learn_touch(
     logs: Sequence[TouchLog], parameters: TouchParameters
 ) -> tuple[dict[str, TrainedTouch], dict[str, pd.DataFrame]]:
-    """Learn from all touches and test on what was left out.
+    """Learn skin models from recorded touches and test them on left-out touches.
 
-    Recordings with a force are for forces alone: their probe stays at one place.
+    Recordings with a force only serve to predict forces, since their probe stays at one place.
 
     Returns:
         Skins by the recording that each was learned from, or `TOGETHER`. Tables that have rows, by name:

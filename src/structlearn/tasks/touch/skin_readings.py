@@ -19,10 +19,10 @@ from structlearn.tactile.touch_dataset import TouchUnits
 from structlearn.tasks.touch.skin_touches import NEVER_VARIES, Touches, learn_skin
 from structlearn.tasks.touch.touch_names import COMPONENTS, NEW_BLOCKS, NEW_RUN, PLAIN, PROCESS, STRUCTURED
 
-DIMENSIONS = 3  # of the latent spaces; as many principal components has the rival
+DIMENSIONS = 3  # of the latent spaces, and of the rival's principal components
 TUNING_SAMPLES = 400  # presses on which the Gaussian process chooses its length scale and noise
 
-# from errors of presses to one of their block
+# how the errors of presses are averaged over a block
 NMSES = ("map_nmse", "pressure_nmse", "signal_nmse", "worst_nmse", "depth_nmse")
 BY_BLOCK = dict.fromkeys(NMSES, "mean") | dict.fromkeys(("laid_mm", "latent_mm"), "median")
 
@@ -117,7 +117,7 @@ def _directions(log: TouchLog) -> np.ndarray:
 
 
 def _earlier(log: TouchLog, seconds: float) -> np.ndarray:
-    """Counts some seconds before each reading; before the first, those of the first."""
+    """Counts delayed by some seconds, interpolated; the first reading holds before the log starts."""
     assert log.time is not None
     return np.stack([np.interp(log.time - seconds, log.time, values) for values in log.counts.T], axis=1)
 

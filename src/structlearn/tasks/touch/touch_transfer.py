@@ -159,9 +159,9 @@ def compare_sets(
 def learn_transfer(
     sets: Sequence[TouchSet], skin: Skin, parameters: TouchParameters
 ) -> dict[str, pd.DataFrame]:
-    """Learn from every set, and test on what was left out and on its partner.
+    """Learn from every set; test on its left-out trials and on its partner set.
 
-    Of the simulated sets, whose many trials are alike, only the first part of the trials is left out.
+    Simulated sets have many similar trials: only their first fold is left out.
 
     Returns:
         `errors` per `learned_from` and `asked_about` (sets), `new` (what is new in the samples), `part` (its
@@ -193,7 +193,13 @@ def learn_transfer(
 
 
 def parts_left_out(touches: TouchSet, folds: int) -> dict[str, list[np.ndarray]]:
-    """Trials left out in turn, keyed by what is new: whole trials, or a group that has several."""
+    """Left-out trials of every fold, keyed by what is new in them.
+
+    `NEW_TRIALS`: every `folds`-th trial. `NEW_MATERIAL`: all trials of one group, if groups have several.
+
+    Raises:
+        InputError: there is a single trial.
+    """
     groups = np.array(touches.groups)
     trials = np.arange(len(groups))
     if len(trials) < 2:

@@ -168,7 +168,6 @@ def _contacts(results: ServoingResults) -> list[Figure]:
 
 
 def _electrodes(axes: Axes, skin: Skin) -> None:
-    """Draw the electrodes on the flat skin."""
     places = 1e3 * np.stack(skin.coordinates(skin.project(skin.electrodes)))
     axes.plot(*places, "o", color=LIGHT_GREY, markersize=7, zorder=0)
     axes.set_aspect("equal")
