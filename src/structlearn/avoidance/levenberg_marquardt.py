@@ -152,7 +152,7 @@ def _upper(size: int) -> tuple[np.ndarray, np.ndarray]:
 
 
 def _triangle(size: int) -> np.ndarray:
-    """Index of each pair (size, size), in either order, among those of the upper triangle."""
+    """Index (size, size) of each symmetric pair in the list of upper-triangle entries."""
     places = np.zeros((size, size), dtype=int)
     rows, columns = _upper(size)
     places[rows, columns] = np.arange(len(rows))

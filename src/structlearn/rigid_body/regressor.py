@@ -86,7 +86,7 @@ def _fill(chain: Chain, q: np.ndarray, qd: np.ndarray, qdd: np.ndarray, regresso
 
 @numba.njit(cache=True, inline="always")
 def _move(chain: Chain, motion: _Motion, link: int, position: float, speed: float, change: float) -> None:
-    """Motion of a link from that of its parent."""
+    """Motion of a link from the motion of its parent."""
     parent = chain.parents[link]
     axis, slides = _vector(chain.axis[link]), chain.prismatic[link]
     rotation, origin = _placement(chain, link, position)

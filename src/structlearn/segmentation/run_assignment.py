@@ -162,7 +162,7 @@ def _left_out(one: Candidates, since: np.ndarray, until: np.ndarray) -> np.ndarr
 def _chains(
     primitives: Sequence[Candidates], gaps: Sequence[np.ndarray], most: int
 ) -> tuple[list[np.ndarray], list[float]]:
-    """The cheapest ways to cut a demonstration, and their prices, by left-out motion and dips alone."""
+    """Cheapest cuts of a demonstration and their costs, counting only left-out motion and dips."""
     ways = np.array([one.travelled[-1] for one in primitives])
     alike = [sum(one.turns == other.turns for other in primitives) for one in primitives]
     price = LEFT_OUT * np.array(alike) / np.maximum(ways, np.finfo(float).tiny)

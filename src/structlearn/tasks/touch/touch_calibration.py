@@ -124,7 +124,7 @@ def calibration_traces(
 
 
 def contact_change(counts: np.ndarray, contact: int, average: int) -> np.ndarray:
-    """Change of every electrode by contact: mean of the samples before `contact` minus that of the first.
+    """Change of every electrode by contact: mean just before `contact` minus mean of the first samples.
 
     Raises MissingInputError: the trace ends before the contact is made, or both means overlap.
     """

@@ -330,7 +330,7 @@ def _of_robots(find: Findings, results: DynamicsResults, form: Form) -> None:
 
 
 def _online(find: Findings, results: DynamicsResults) -> None:
-    """NMSE of the others on the whole motion, relative to that of SPD, Tri and Cov."""
+    """NMSE of the other models on the whole motion, relative to SPD, Tri and Cov."""
     scores, strict, nothing = results.online_scores(), results.strict, pd.Series(dtype=float)
 
     def course(model: str) -> pd.Series:

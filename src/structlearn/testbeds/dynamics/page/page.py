@@ -53,7 +53,7 @@ DETAILED = "cov"  # structure whose learned bodies are listed
 
 
 def dynamics_page(results: DynamicsResults, find: Findings) -> Document:
-    """The page; its figures are those of `figures.drawings`, and `still`."""
+    """Page of the dynamics testbed, with the figures of `figures.drawings` and `still`."""
     shown, chosen = tables(results), results.chosen
     after = results.payload[results.payload["time_s"] > results.pick_up_s]
     by_model = {

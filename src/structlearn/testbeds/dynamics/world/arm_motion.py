@@ -53,7 +53,7 @@ class SineParameters(SineMotion):
 
 
 class ArmMotionParameters(Parameters):
-    """The motion for choosing optimisers, and the one that is scored."""
+    """Two motions: one for choosing optimisers, one for scoring."""
 
     use: Literal["tuning", "test"]
     tuning: SineMotion

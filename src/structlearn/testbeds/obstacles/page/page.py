@@ -54,7 +54,7 @@ WRITTEN_BY = {
 
 
 def document(results: ObstacleResults, find: Findings) -> Document:
-    """The page; figures are those of `figures.figures`."""
+    """Page of the obstacles testbed, with the figures of `figures.figures`."""
     published = read_published()
     shown = tables(results, published)
     limited = shown["limits"].frame

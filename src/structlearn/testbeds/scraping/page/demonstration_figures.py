@@ -58,7 +58,7 @@ def busiest_electrodes(runs: Sequence[Demonstration]) -> np.ndarray:
 
 
 def draw_electrodes(panel: Axes, run: Demonstration, channels: np.ndarray) -> None:
-    """Counts of channels relative to their first reading."""
+    """Plot the counts of channels relative to their first reading."""
     tactile = run.signal("tactile")
     for colour, channel in zip(CATEGORICAL_COLOURS, channels, strict=False):
         counts = tactile[:, channel] - tactile[0, channel]

@@ -129,7 +129,7 @@ def costs(scores: pd.DataFrame) -> pd.DataFrame:
 
 
 def ratios(scores: pd.DataFrame) -> pd.DataFrame:
-    """Accumulated cost of each model relative to each of those before it, paired by run name.
+    """Accumulated cost of each model relative to every earlier model, paired by run name.
 
     One row per `primitive` ("all" is their sum), `model`, `baseline` and `setting_deg`: columns of
     `execution_scores.cost_ratios`, and the `verdict` on the model.

@@ -70,7 +70,7 @@ def controlled(robot: Robot, posture: np.ndarray) -> Arm:
 
 @numba.njit(cache=True, error_model="numpy")
 def observe(arm: Arm, q: np.ndarray, v: np.ndarray) -> None:
-    """Compute kinematics and dynamics at joint positions and velocities, of which the arm's are used."""
+    """Compute kinematics and dynamics at joint positions and velocities; only the arm's joints are used."""
     count = len(arm.q)
     arm.q[:], arm.v[:] = q[:count], v[:count]
     work, jacobian = arm.work, arm.jacobian

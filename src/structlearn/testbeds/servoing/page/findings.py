@@ -117,7 +117,7 @@ class ModelScores:
         comparison: str = "encoder",
         part: str | None = None,
     ) -> np.ndarray:
-        """Cosine distance (S,) of an inverse model whose forward model was trained with its loss, or without.
+        """Cosine distance (S,) of an inverse model; its forward model was trained with or without its loss.
 
         Averaged over both parts of an action, or of one; `comparison`: see `names.COMPARISON_NAMES`.
         """

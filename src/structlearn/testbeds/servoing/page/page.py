@@ -63,7 +63,7 @@ LOOP_COLUMNS = {
 
 
 def document(results: ServoingResults, find: Findings) -> Document:
-    """The page with its tables and verdicts; figures are those of `figures.drawings`."""
+    """Page of the servoing testbed: tables, verdicts and the figures of `figures.drawings`."""
     errors, shown = results.contact_errors, tables(results)
     squares = np.square(errors[["along_mm", "across_mm"]]).to_numpy().sum()
     facts = {
