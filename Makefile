@@ -18,7 +18,7 @@ export TASK SOURCE URDF OUTPUT LOCK
 help:
 	@grep -hE '^[a-z -]+:.*## ' $(MAKEFILE_LIST) | sed -E 's/^([a-z -]+):.*## /\1\t/' | expand -t 18
 
-# The table of findings stands in the README too.
+# The table of findings is also in the README.
 TABLE_OF_README := sed -i -e '/^<!-- findings -->/,/^<!-- end of findings -->/{/^<!--/!d}' -e '/^<!-- findings -->/r reports/findings.md' README.md
 
 # The testbeds share no stage but the list of code, so a first run makes two at a time, the longest first: one fills the
@@ -46,12 +46,15 @@ lint: $(INSTALLED)  ## check style and types
 	$(BIN)/ruff format --check .
 	$(BIN)/mypy
 
-# The pipeline on recorded data; DATA holds some of the folders that the README names. What other reports quote of it
-# is put aside: the front page shows it at once, those of testbeds when they are made next.
+# The pipeline on recorded data; DATA holds some of the folders that the README names. The sets share no stage but the
+# list of code, so seven of the 13 run beside the others, each with two targets. What other reports quote of it is put
+# aside: the front page shows it at once, those of testbeds when they are made next.
 QUOTED := reports/quoted/recorded
 recorded: $(INSTALLED)  ## run the pipeline on recorded data: make recorded DATA=FOLDER
-	export RECORDED_DATA="$(abspath $(DATA))" && targets=$$($(BIN)/python -m structlearn.tasks.task_entry public.yaml) && \
-	  $(IN_ENVIRONMENT) dvc repro --keep-going $$targets stages/tasks/dvc.yaml:calibration_report
+	export RECORDED_DATA="$(abspath $(DATA))" $(IN_ENVIRONMENT) && targets=$$(python -m structlearn.tasks.task_entry public.yaml) && \
+	  dvc repro --quiet stages/tasks/dvc.yaml:code && \
+	  xargs --max-procs=2 --max-args=14 dvc --wait-for-lock repro --keep-going <<< "$$targets"
+	export RECORDED_DATA="$(abspath $(DATA))" $(IN_ENVIRONMENT) && dvc repro --keep-going stages/tasks/dvc.yaml:calibration_report
 	$(IN_ENVIRONMENT) dvc repro --single-item stages/tasks/dvc.yaml:recorded_report
 	mkdir -p $(QUOTED)
 	cd reports/recorded && cp tables/claims.csv metrics.json findings.csv $(CURDIR)/$(QUOTED)
@@ -71,22 +74,22 @@ $(EXAMPLE): | $(INSTALLED)
 	$(BIN)/python stages/tasks/make_example.py
 
 # Six bags of an invented pick-and-place task, to try the pipeline for a task of your own on.
-own-example: $(INSTALLED)  ## write six bags of a simulated task to try it with
+own-example: $(INSTALLED)  ## write six example bags of a simulated task
 	$(BIN)/python stages/tasks/make_example.py
 
-# What recordings hold, whether they are fit to be learned from, and an entry for stages/tasks/own.yaml, e.g.
+# Contents of recordings, whether they are suitable for learning, and an entry for stages/tasks/own.yaml, e.g.
 # `make inspect SOURCE=~/bags`; URDF=robot.urdf computes poses from joints, OUTPUT=entry.yaml keeps the entry.
-inspect: $(INSTALLED)  ## say what recordings hold, and propose an entry: make inspect SOURCE=~/bags
+inspect: $(INSTALLED)  ## show the contents of recordings and propose an entry: make inspect SOURCE=~/bags
 	$(BIN)/python -m structlearn.command inspect $(if $(URDF),--urdf="$$URDF") $(if $(OUTPUT),--output="$$OUTPUT") -- "$$SOURCE"
 
-# A trajectory to identify an arm from, within the limits of its URDF: the robot of a task, or URDF=robot.urdf, with
+# An excitation trajectory within the limits of a URDF: the robot of a task, or URDF=robot.urdf, with
 # LOCK="joints that do not move".
-excite: $(INSTALLED)  ## design a trajectory to identify an arm from: make excite TASK=pick, or URDF=robot.urdf
+excite: $(INSTALLED)  ## design an excitation trajectory for an arm: make excite TASK=pick, or URDF=robot.urdf
 	$(BIN)/python -m structlearn.command excite $(if $(URDF),--urdf="$$URDF",--task="$$TASK") $(if $(LOCK),--lock $$LOCK)
 
-# Timings beside public libraries, which are installed for it; latency, growth and workers. Wants a quiet machine.
+# Timings against public libraries, which are installed first; latency, growth and workers. Needs an idle machine.
 BENCH := reports/benchmarks
-bench: $(INSTALLED) .venv/installed-bench  ## time inner loops beside public libraries
+bench: $(INSTALLED) .venv/installed-bench  ## time inner loops against public libraries
 	mkdir -p $(BENCH)
 	bash -e -o pipefail -c '{ \
 	  $(BIN)/python benchmarks/run.py --output $(BENCH)/table.csv; \
@@ -97,7 +100,7 @@ bench: $(INSTALLED) .venv/installed-bench  ## time inner loops beside public lib
 # Where a stage and its processes spend their time: a flame graph, e.g. `make profile STAGE=stages/dynamics/online.py`.
 STAGE ?= stages/scraping/segment.py
 PROFILE = reports/profiles/$(subst /,-,$(STAGE:stages/%.py=%)).svg
-profile: $(INSTALLED)  ## draw where a stage spends its time: make profile STAGE=stages/dynamics/online.py
+profile: $(INSTALLED)  ## draw a flame graph of a stage: make profile STAGE=stages/dynamics/online.py
 	$(BIN)/pip install --quiet py-spy==0.4.3
 	mkdir -p $(dir $(PROFILE))
 	$(BIN)/py-spy record --subprocesses --output $(PROFILE) -- $(BIN)/python $(STAGE)
@@ -106,23 +109,23 @@ profile: $(INSTALLED)  ## draw where a stage spends its time: make profile STAGE
 # what was run. Hours for all; goes on where it was stopped.
 STUDY = stages/studies/dvc.yaml$(if $(NAME),:$(subst /,_,$(NAME)))
 STUDY_TABLES := python -m structlearn.reporting.study_tables
-studies: $(INSTALLED)  ## run all studies, for hours, or one: make studies NAME=servoing/people
+studies: $(INSTALLED)  ## run all studies (takes hours), or one: make studies NAME=servoing/people
 	$(IN_ENVIRONMENT) dvc repro --keep-going $(STUDY)
 	$(IN_ENVIRONMENT) $(STUDY_TABLES) $(NAME)
 
-# Does the present code still give what the studies found? If so, DVC takes the cells that were run as they are.
-studies-check: $(INSTALLED)  ## run one cell of each study again, and compare it with the table
+# Whether the current code reproduces the studies; if so, DVC accepts the existing cells.
+studies-check: $(INSTALLED)  ## repeat one cell of each study and compare it with the table
 	$(IN_ENVIRONMENT) $(STUDY_TABLES) --check $(NAME)
 	$(IN_ENVIRONMENT) dvc repro --quiet code stages/studies/dvc.yaml:code
 	cells=$$(cd data/studies && ls -d $(or $(NAME),*/*)/* | sed 's|/|_|; s|/|@|; s|^|stages/studies/dvc.yaml:|') || exit 0; \
 	  $(IN_ENVIRONMENT) dvc commit --force $$cells
 
-# The whole pipeline once more as on another processor: no verdict may depend on it.
-other-processor: $(INSTALLED)  ## run the pipeline as on an older processor and compare verdicts
+# The whole pipeline with the instructions of another processor: no verdict may depend on it.
+other-processor: $(INSTALLED)  ## run the pipeline with the instruction set of an older processor and compare verdicts
 	$(IN_ENVIRONMENT) python benchmarks/other_processor.py
 
-# Which verdicts changed their word in the working tree, against the last commit.
-verdicts: $(INSTALLED)  ## list verdicts whose word differs from the last commit
+# Verdicts in the working tree that differ from the last commit.
+verdicts: $(INSTALLED)  ## list verdicts that differ from the last commit
 	$(BIN)/python -m structlearn.reporting.verdicts
 
 # Damage N files of every kind and read them: the same data, or one line. Tests do some hundred.
@@ -130,18 +133,18 @@ faults: N ?= 10000
 faults: $(INSTALLED)  ## damage N files of every kind and read them
 	PYTHONPATH=tests $(BIN)/python -m faults.many --count $(N)
 
-# End processes at every step on the disk, and kill N stages of a reduced pipeline: done again, all is as without.
+# Stop processes at every disk operation and kill N stages of a reduced pipeline: a repeated run gives the same results.
 kills: N ?= 50
 kills: $(INSTALLED)  ## kill N stages and run them again
 	PYTHONPATH=tests $(BIN)/python -m faults.kills --count $(N)
 
-# N ticks of the controller under faults of its sensor and of its caller: finite, within its bounds, at the goal.
+# N ticks of the controller with faults of sensor and caller: finite, within bounds, and the goal is reached.
 upsets: N ?= 1000000
 upsets: $(INSTALLED)  ## run N ticks of the controller under faults
 	PYTHONPATH=tests $(BIN)/python -m faults.controller_faults --ticks $(N)
 
-# Can the robot of a task do what the task's skill may ask of it? Margins, and an error where it cannot.
-check: $(INSTALLED)  ## can the robot of a task do what its skill may ask? make check TASK=pour
+# Whether the robot of a task can follow everything that its skill may command: margins, or an error.
+check: $(INSTALLED)  ## check whether the robot of a task can follow its skill: make check TASK=pour
 	$(if $(TASK),,$(error which task? make check TASK=pick))
 	$(BIN)/python -m structlearn.command check "$$TASK"
 

@@ -52,7 +52,7 @@ def cutting(primitives: object, ends: str) -> SegmentParameters:
 
 
 def of_takes(seed: int, moves: int, kind: str, ends: str) -> pd.DataFrame:
-    """Errors of one set, one row per end, and whether the cut is doubted; or why there is none."""
+    """Errors of one set, one row per end, and whether the cut is flagged; or why there is none."""
     made = takes(seed, moves, **KINDS[kind])
     demonstrations = [synchronise(as_recording(take), 200.0) for take in made]
     chosen, method = ENDS[ends]
@@ -61,14 +61,14 @@ def of_takes(seed: int, moves: int, kind: str, ends: str) -> pd.DataFrame:
     except InputError as fault:
         return pd.DataFrame([{"seed": seed, "fault": str(fault)}])
     rows = []
-    doubted = set(zip(found.doubts["demonstration"], found.doubts["primitive"], strict=True))
+    flagged = set(zip(found.warnings["demonstration"], found.warnings["primitive"], strict=True))
     for take, demonstration in zip(made, demonstrations, strict=True):
-        shift = take.segments[0, 0] - demonstration.true_segments[0, 0]
+        shift = take.planned[0, 0] - demonstration.true_segments[0, 0]
         for place, name in enumerate(found.primitives):
             times = found.result(name, method).loc[take.name, ["start_s", "end_s"]].to_numpy(float)
             off = [1e3 * np.abs(times + shift - true[place]) for true in (take.planned, take.segments)]
-            rows += [(seed, *pair, (take.name, name) in doubted) for pair in zip(*off, strict=True)]
-    return pd.DataFrame(rows, columns=["seed", "error_ms", "seen_ms", "doubted"])
+            rows += [(seed, *pair, (take.name, name) in flagged) for pair in zip(*off, strict=True)]
+    return pd.DataFrame(rows, columns=["seed", "error_ms", "seen_ms", "flagged"])
 
 
 def of_session(seed: int, ends: str) -> pd.DataFrame:
@@ -84,15 +84,15 @@ def of_session(seed: int, ends: str) -> pd.DataFrame:
     row = {"seed": seed, "made": repeats, "found": len(parts)}
     if len(parts) != repeats:
         return pd.DataFrame([row | {"fault": f"{len(parts)} repeats, not {repeats}"}])
-    by_repeat = (take.planned - take.segments[0, 0] + recorded.true_segments[0, 0]).reshape(-1, moves, 2)
+    by_repeat = recorded.true_segments.reshape(-1, moves, 2)
     inside = (table["start_s"] <= by_repeat[:, 0, 1]) & (table["end_s"] >= by_repeat[:, -1, 0])
     found, since = cut(parts, cutting(moves, chosen)), table.set_index("demonstration")["start_s"]
     rows = []
     for place, name in enumerate(found.primitives):
         for repeat, (one, times) in enumerate(found.result(name, method).loc[since.index].iterrows()):
             off = 1e3 * np.abs(times[["start_s", "end_s"]] + since[one] - by_repeat[repeat, place])
-            doubted = one in set(found.doubts["demonstration"])
-            rows += [row | {"as_made": inside.all(), "doubted": doubted, "error_ms": ms} for ms in off]
+            flagged = one in set(found.warnings["demonstration"])
+            rows += [row | {"as_made": inside.all(), "flagged": flagged, "error_ms": ms} for ms in off]
     return pd.DataFrame(rows)
 
 
@@ -140,15 +140,15 @@ def of_wiping(seed: int, ends: str) -> pd.DataFrame:
         return pd.DataFrame([{"seed": seed, "fault": str(fault)}])
     wiped = found.result("wipe", method).loc[[one.name for one in made], ["start_s", "end_s"]]
     off = 1e3 * np.abs(wiped - np.array([one.true_segments[1] for one in made]))
-    doubted = wiped.index.isin(found.doubts["demonstration"])
-    return pd.DataFrame({"seed": seed, "error_ms": np.ravel(off), "doubted": np.repeat(doubted, 2)})
+    flagged = wiped.index.isin(found.warnings["demonstration"])
+    return pd.DataFrame({"seed": seed, "error_ms": np.ravel(off), "flagged": np.repeat(flagged, 2)})
 
 
 def summary(name: str, table: pd.DataFrame) -> dict[str, object]:
     """One row of what is printed, from the errors of all sets."""
-    columns = ["seed", "error_ms", "seen_ms", "doubted", "fault", "made", "found", "as_made"]
+    columns = ["seed", "error_ms", "seen_ms", "flagged", "fault", "made", "found", "as_made"]
     table = table.reindex(columns=columns)
-    far, doubted = table["error_ms"] > 150.0, table["doubted"].eq(True)
+    far, flagged = table["error_ms"] > 150.0, table["flagged"].eq(True)
     sets, off = table.groupby("seed").first(), table["error_ms"]
     return {
         "row": name,
@@ -159,8 +159,8 @@ def summary(name: str, table: pd.DataFrame) -> dict[str, object]:
         "p95_ms": off.quantile(0.95),
         "max_ms": off.max(),
         "beyond_150_ms": far.sum(),
-        "of_them_undoubted": (far & ~doubted).sum(),
-        "doubted": doubted.sum() // 2,
+        "of_them_not_flagged": (far & ~flagged).sum(),
+        "flagged": flagged.sum() // 2,
         "seen_mean_ms": table["seen_ms"].mean(),
         "repeats_made": sets["made"].sum(),
         "repeats_found": sets["found"].sum(),

@@ -18,9 +18,9 @@ from structlearn.simulation.arm import ArmParameters
 from structlearn.simulation.bullet_arm import BulletArm, differences
 from structlearn.testbeds.dynamics.world.arm_motion import ArmMotionParameters
 from structlearn.testbeds.dynamics.world.joint_logs import (
+    PerturbedRobotParameters,
     RecordMotionParameters,
-    StandInParameters,
-    stand_in_log,
+    perturbed_robot_log,
 )
 from structlearn.testbeds.scraping.protocol.execution_scores import ExecutionParameters
 from structlearn.testbeds.scraping.protocol.executions import corrected_runs, execute_run
@@ -34,7 +34,8 @@ COMPARED_S = 8.0
 
 
 def main() -> None:
-    write_csv(pd.concat([corrected_execution(), stand_in_on_sines()]), "reports/engines/differences.csv")
+    table = pd.concat([corrected_execution(), perturbed_robot_on_sines()])
+    write_csv(table, "reports/engines/differences.csv")
 
 
 def corrected_execution() -> pd.DataFrame:
@@ -63,15 +64,15 @@ def in_pybullet(world: World) -> Iterator[Advance]:
         yield step_in_pybullet
 
 
-def stand_in_on_sines() -> pd.DataFrame:
+def perturbed_robot_on_sines() -> pd.DataFrame:
     """A robot with friction, ripple and latency that picks up a payload."""
     parameters = stage_parameters("record_motion", RecordMotionParameters)
     motion = stage_parameters("arm_motion", ArmMotionParameters).used.cut(COMPARED_S)
-    stand_in = stage_parameters("stand_in", StandInParameters)
+    perturbed = stage_parameters("stand_in", PerturbedRobotParameters)
     seed = min(stage_parameters("dynamics_robots", Population).test)
     robot = stage_parameters("arm", ArmParameters).read()
     logs = [
-        stand_in_log(robot, stand_in, seed, motion, parameters.payload, pybullet)
+        perturbed_robot_log(robot, perturbed, seed, motion, parameters.payload, pybullet)
         for pybullet in (False, True)
     ]
     return differences(f"dynamics, robot {seed} with a payload on sines", *map(_moved, logs))

@@ -18,18 +18,18 @@ from structlearn.testbeds.dynamics.page.findings import DynamicsResults
 from structlearn.testbeds.dynamics.protocol.tracking import KNOWN, TrackingParameters
 from structlearn.testbeds.dynamics.protocol.trainings import (
     OURS,
-    TEXT,
+    PUBLISHED,
     DynamicsTrainingParameters,
     OnlineParameters,
 )
 from structlearn.testbeds.dynamics.world.arm_motion import ArmMotionParameters
-from structlearn.testbeds.dynamics.world.joint_logs import RecordMotionParameters, StandInParameters
+from structlearn.testbeds.dynamics.world.joint_logs import PerturbedRobotParameters, RecordMotionParameters
 
 SEEDS, JOINTS = (11, 12, 13), 7
 """Of models in simulation, and of robots."""
 
 EPOCHS = {"mlp": 20, "mlp_scaled": 4, "delan": 40, "nostr": 12, "symm": 6, "spd": 2, "tri": 2, "cov": 2}
-"""After which a model is good enough in simulation; in the text's form networks never are."""
+"""After which a model is good enough in simulation; as published networks never are."""
 
 VELOCITY = {GROUND_TRUTH: 0.01, "mlp": 5.0, "delan": 0.3, "nostr": 0.05}
 """NMSE of the tool's velocity in simulation; of other models as of the ground truth."""
@@ -45,9 +45,9 @@ def iiwa() -> Robot:
 def trainings():
     """Keys of all trainings, epochs to the threshold (NaN: not reached), final NMSE, and what was met."""
     found = []
-    for kind, form in product(KINDS, (TEXT, OURS)):
+    for kind, form in product(KINDS, (PUBLISHED, OURS)):
         structured = kind in STRUCTURES
-        if kind == "mlp_scaled" and form == TEXT:
+        if kind == "mlp_scaled" and form == PUBLISHED:
             continue
         learned = structured or form == OURS
         found.append(
@@ -79,7 +79,7 @@ def body_tables():
     centres = {f"{prefix}centre_{axis}_m": 0.1 for prefix in ("", "true_") for axis in "xyz"}
     moments = {f"{prefix}moment_{place}_kg_m2": 0.01 for prefix in ("", "true_") for place in "123"}
     for model, seed in product(STRUCTURES, SEEDS):
-        keys = {"model": model, "form": TEXT, "seed": seed}
+        keys = {"model": model, "form": PUBLISHED, "seed": seed}
         kept = {"positive_definite": model != "nostr", "triangle": model in ("tri", "cov")}
         for number, name in enumerate(iiwa().tree.names):
             masses = {"mass_kg": 1.5 * (number + 1.0), "true_mass_kg": number + 1.0, "positive_mass": True}
@@ -177,7 +177,7 @@ def dynamics_results() -> DynamicsResults:
         friction=friction_rows(),
         residuals=residual_table(),
         chosen={
-            "stand_in": committed(StandInParameters, "stand_in"),
+            "stand_in": committed(PerturbedRobotParameters, "stand_in"),
             "arm_motion": committed(ArmMotionParameters, "arm_motion"),
             "train_dynamics": committed(DynamicsTrainingParameters, "train_dynamics", seeds=SEEDS),
             "online": committed(OnlineParameters, "online", seeds=SEEDS),

@@ -70,7 +70,7 @@ def noise_table(advantage_ms: float = 5.0) -> pd.DataFrame:
     return pd.DataFrame(rows, columns=columns)
 
 
-def work_table(power: float = 2.0, shift: float = 0.5, text: float = 0.6) -> pd.DataFrame:
+def work_table(power: float = 2.0, shift: float = 0.5, published: float = 0.6) -> pd.DataFrame:
     """What down-sampling does to three people: work falls with a power of g, cuts shift by coarse samples."""
     table = grid(seed=range(3), factor=(1, 2, 4))
     coarse = table["factor"] > 1
@@ -80,7 +80,7 @@ def work_table(power: float = 2.0, shift: float = 0.5, text: float = 0.6) -> pd.
         mean_shift_ms=1.0,
         max_shift_ms=2.0,
         shift_samples=(shift + change) * coarse,
-        shift_samples_text=(text + change) * coarse,
+        shift_samples_published=(published + change) * coarse,
     )
 
 

@@ -41,7 +41,7 @@ from structlearn.tasks.obstacles.representations_section import representation_f
 from structlearn.tasks.obstacles.scene_section import SceneWays, scene_findings
 from structlearn.tasks.touch.calibration_section import find_calibration
 from structlearn.testbeds.dynamics.page.findings import findings as dynamics_findings
-from structlearn.testbeds.dynamics.protocol.trainings import OURS, TEXT
+from structlearn.testbeds.dynamics.protocol.trainings import OURS, PUBLISHED
 from structlearn.testbeds.obstacles.page.findings import findings as obstacles_findings
 from structlearn.testbeds.obstacles.page.findings import read_published as obstacles_published
 from structlearn.testbeds.scraping.page import findings as scraping
@@ -87,8 +87,8 @@ def dynamics() -> list[Any]:
     }
     made = with_tables(few, more)
     scores = made.scores[made.scores["form"] == OURS]
-    there = set(made.scores.loc[made.scores["form"] == TEXT, "model"])
-    learned = scores[~scores["model"].isin(there)].assign(form=TEXT)
+    there = set(made.scores.loc[made.scores["form"] == PUBLISHED, "model"])
+    learned = scores[~scores["model"].isin(there)].assign(form=PUBLISHED)
     met = replace(made, scores=pd.concat([made.scores, learned]), outcomes=made.outcomes.assign(met=True))
     return [met, made]
 
@@ -103,7 +103,7 @@ def servoing(results: Any) -> list[Any]:
     working = replace(
         results,
         loops=test_servoing_page.comparison(every),
-        skin_tables=test_servoing_page.skin_tables(text=12, ours=12),
+        skin_tables=test_servoing_page.skin_tables(published=12, ours=12),
         study=study,
     )
     return [working, results]

@@ -67,7 +67,7 @@ def test_its_stages_run_from_the_package(lab, monkeypatch):
     [
         (["new", "Pour it", "--from", "bags"], "'Pour it': a task's name has 1 to 60"),
         (["new", "pour", "--from", "bags"], "bags: no such file or folder"),
-        (["new", "there", "--from", "there"], "there: is there already, and not empty"),
+        (["new", "there", "--from", "there"], "there: already exists and is not empty"),
         (["run"], "structlearn.yaml: no such file here; `structlearn new` makes a project"),
         (["view", "pour"], "reports/tasks/pour/rerun: no recordings; make them first: structlearn run pour"),
     ],
@@ -89,8 +89,8 @@ def test_demonstrations_are_exported_once_they_are_cut(lab, monkeypatch, capsys)
     assert capsys.readouterr().out == "out: LeRobotDataset of 3 episodes\n"
     assert read_values("out/meta/info.json")["fps"] == 20
     for words, message in (
-        (["pour", "--to", "out"], "out: is there"),
-        (["x"], "data/tasks/x/segments: is not"),
+        (["pour", "--to", "out"], "out: already exists"),
+        (["x"], "data/tasks/x/segments: does not exist"),
     ):
         with pytest.raises(SystemExit):
             command.main(["export", *words])

@@ -17,8 +17,8 @@ from structlearn.testbeds.dynamics import page
 from structlearn.testbeds.dynamics.names import IDEAL, ROBOT
 from structlearn.testbeds.dynamics.page import findings as page_findings
 from structlearn.testbeds.dynamics.page.page import dynamics_page, tables
-from structlearn.testbeds.dynamics.protocol.trainings import OURS, TEXT
-from structlearn.testbeds.dynamics.world.joint_logs import StandInParameters, stand_in
+from structlearn.testbeds.dynamics.protocol.trainings import OURS, PUBLISHED
+from structlearn.testbeds.dynamics.world.joint_logs import PerturbedRobotParameters, perturbed_mechanics
 
 
 @pytest.fixture(scope="module")
@@ -79,23 +79,23 @@ def test_claims_hold_where_the_tables_say_so(results):
         better = with_scores(better, model, velocity_nmse=0.05)
     found = verdicts(better)
     both = ("epochs", "epochs_more", "above_truth", "robot_gain", "robot_reaches", "static_friction")
-    yes = {f"{claim}_{form}" for claim in both for form in (TEXT, OURS)}
+    yes = {f"{claim}_{form}" for claim in both for form in (PUBLISHED, OURS)}
     yes |= {"over_strict_ours", "robot_networks_ours", "robot_mlp_ours"}
     yes |= {"online_course", "online_final", "online_scaled"}
     assert {found[name] for name in yes | {"payload_mass_error_share", "rnea_max_error_nm"}} == {"yes"}
 
 
 def test_what_one_form_finds_decides_nothing_in_the_other(results, told):
-    for form, other in ((TEXT, OURS), (OURS, TEXT)):
+    for form, other in ((PUBLISHED, OURS), (OURS, PUBLISHED)):
         slow = changed(results, "outcomes", {"model": "cov", "arm": IDEAL, "form": form}, epochs=9.0)
         found = verdicts(slow)
         assert (found[f"epochs_{form}"], found[f"epochs_{other}"]) == ("no", told[f"epochs_{other}"])
 
 
 def test_nothing_follows_from_a_network_that_never_met_the_criterion(results, told):
-    for claim in ("over_strict_text", "robot_mlp_text", "robot_delan_stopped_text"):
+    for claim in ("over_strict_published", "robot_mlp_published", "robot_delan_stopped_published"):
         assert told[claim] == "not tested"
-    assert told["robot_networks_text"] == "no"
+    assert told["robot_networks_published"] == "no"
     assert told["robot_mlp_ours"] == "yes"
     without = verdicts(untracked(untracked(results, "mlp", IDEAL, OURS), "mlp", ROBOT, OURS))
     assert without["robot_mlp_ours"] == "not tested"
@@ -152,9 +152,11 @@ def test_a_payload_is_settled_when_its_mass_stays_right(results):
 
 
 def test_what_is_known_explains_a_log_made_with_it():
-    """A motion whose torques are those of the stand-in's links and friction."""
+    """A motion whose torques are those of the perturbed robot's links and friction."""
     arm, rng = iiwa(), np.random.default_rng(3)
-    mechanics = stand_in(arm.tree, arm.inertias, committed(StandInParameters, "stand_in"), 3)
+    mechanics = perturbed_mechanics(
+        arm.tree, arm.inertias, committed(PerturbedRobotParameters, "stand_in"), 3
+    )
     states = [rng.normal(0.0, 1.0, (60, 7)) for _ in range(3)]
     terms = ("viscous", "coulomb")
     state = {

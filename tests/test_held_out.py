@@ -123,12 +123,12 @@ SHOWS = ("report", "view", "list_code", "loop", "make_example")
 
 @dataclass(frozen=True)
 class Case:
-    """One fit three times."""
+    """One fit three times: of the data, with held-out samples changed, and with training samples changed."""
 
     learn: Callable[[Any], Any]
     data: Any
     held_out: Any
-    taught: Any
+    trained_on: Any
 
 
 CASES: list[tuple[str, Callable[..., Case]]] = []
@@ -264,8 +264,8 @@ def slid(changed: str = "") -> list[Demonstration]:
 @of_stage("tasks/touch")
 def expected_of_slides(monkeypatch, tmp_path):
     learn = once(lambda its: deviations_from_expected(its, SLIDES)[0])
-    data, taught = slid(), slid("mat_2")
-    return [Case(learn, data, slid(held_out), taught) for held_out in ("mat_3", "cork_1")]
+    data, trained_on = slid(), slid("mat_2")
+    return [Case(learn, data, slid(held_out), trained_on) for held_out in ("mat_3", "cork_1")]
 
 
 @of_stage("tasks/touch")
@@ -311,8 +311,8 @@ def final_feedback(monkeypatch, tmp_path):
         seen = whole.where(kept) if model == POINTWISE else concatenated([whole.where(kept), level])
         fold = without_generalization(seen, FEEDBACK.pointwise.chunk_samples, FEEDBACK.pointwise.seed)
         own = np.flatnonzero(kept)
-        tested, taught = (own[part[part < len(own)]] for part in (fold.test, fold.train[:1]))
-        learned, changed = once(partial(learn, model=model)), corrected(whole, taught)
+        tested, trained_on = (own[part[part < len(own)]] for part in (fold.test, fold.train[:1]))
+        learned, changed = once(partial(learn, model=model)), corrected(whole, trained_on)
         for rows in (tested, whole.setting == NEW):
             yield Case(learned, whole, corrected(whole, rows), changed)
 
@@ -322,7 +322,7 @@ def start_of_unrolled_feedback(monkeypatch, tmp_path):
     """What training inside the unroll starts from has not seen the demonstrations that choose its step."""
     data = toy_dataset()
     paths = corrected_paths(data, SAMPLES)
-    taught, chooses = (
+    trained_on, chooses = (
         np.isin(data.demonstration, part.demonstration)
         for part in split(paths, FEEDBACK.validation_share, FEEDBACK.unrolled.seed)
     )
@@ -332,7 +332,7 @@ def start_of_unrolled_feedback(monkeypatch, tmp_path):
         "train_final",
         lambda its: train_models({"turn": its}, {}, FEEDBACK, (UNROLLED,)),
     )
-    return Case(learn, data, corrected(data, chooses), corrected(data, taught))
+    return Case(learn, data, corrected(data, chooses), corrected(data, trained_on))
 
 
 @of_stage("scraping/compare_models")
@@ -347,9 +347,9 @@ def representations(monkeypatch, tmp_path):
         chosen = (found["fold"] == LEFT_OUT) & (found["stopping"] == "validation")
         return found.loc[chosen, ["step", "train", "validation", "dimensions"]]
 
-    taught = corrected(data, fold.train[:1])
+    trained_on = corrected(data, fold.train[:1])
     for rows in (fold.generalization, fold.test):
-        yield Case(learn, data, corrected(data, rows), taught)
+        yield Case(learn, data, corrected(data, rows), trained_on)
 
 
 @of_stage("scraping/refine")
@@ -409,9 +409,9 @@ def feedback_of_a_task(monkeypatch, tmp_path):
         "_trained",
         lambda its: feedback_learning.learn_feedback(runs, its, learned, CUTTING, OWN_FEEDBACK),
     )
-    data, taught = corrections(), corrections("b")
+    data, trained_on = corrections(), corrections("b")
     for network, left_out in enumerate(("only tests", "a")):
-        yield Case(lambda its, network=network: learn(its)[network], data, corrections(left_out), taught)
+        yield Case(lambda its, network=network: learn(its)[network], data, corrections(left_out), trained_on)
 
 
 # --- obstacles ---------------------------------------------------------------------------------------------
@@ -465,10 +465,10 @@ def coupling_of_samples(monkeypatch, tmp_path):
         lambda its: coupling_representations.compare_representations(its, parameters),
     )
     data = phase_dependent(100)
-    tested, taught = (
+    tested, trained_on = (
         with_wobbling(data, rows, "features", "target") for rows in (slice(50, None), slice(0, 1))
     )
-    return Case(lambda its: learn(its)[1::2], data, tested, taught)
+    return Case(lambda its: learn(its)[1::2], data, tested, trained_on)
 
 
 @of_stage("tasks/obstacles")
@@ -511,15 +511,15 @@ def dynamics(monkeypatch, tmp_path):
     motion = rubbing_motion(arm()).part(slice(0, 300))
     data = {
         "iiwa": sine_motion(arm(), 200),
-        "stand_in/11": motion,
-        "stand_in/12": motion.part(slice(100, 300)),
+        "perturbed/11": motion,
+        "perturbed/12": motion.part(slice(100, 300)),
     }
 
     def learn(motions):
         models = train(trainings((11, 12), parameters), motions, arm().tree, parameters)[0]
         return {name: its for name, its in models.items() if "/12/" not in name}
 
-    changed = [data | {name: pushed(data[name], slice(None))} for name in ("stand_in/12", "stand_in/11")]
+    changed = [data | {name: pushed(data[name], slice(None))} for name in ("perturbed/12", "perturbed/11")]
     return Case(learn, data, *changed)
 
 
@@ -755,7 +755,7 @@ def test_what_is_held_out_trains_nothing(make, monkeypatch, tmp_path):
         before = bits(case.learn(case.data))
         after = bits(case.learn(case.held_out))
         assert [name for name, values in before.items() if after[name] != values] == []
-        assert bits(case.learn(case.taught)) != before
+        assert bits(case.learn(case.trained_on)) != before
 
 
 def stage_scripts() -> dict[str, Path]:

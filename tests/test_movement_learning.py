@@ -37,17 +37,17 @@ def test_a_given_primitive_is_all_of_every_recording(runs):
     assert all(len(cuts) == 1 for cuts in parts.results.values())
 
 
-def test_doubtful_demonstrations_are_not_learned_from_unless_told_so(runs):
+def test_flagged_demonstrations_are_not_learned_from_unless_told_so(runs):
     found = learning.segmented(runs, "reach", None)
     columns = ["demonstration", "primitive", "reason", "number"]
-    doubts = pd.DataFrame([("2", "reach", "a pause", 1.2)], columns=columns)
-    doubted = replace(found, doubts=doubts)
-    assert learning.learned_cuts(doubted, False)["reach"].index.tolist() == ["0", "1", "3"]
-    assert len(learning.learned_cuts(doubted, True)["reach"]) == 4
-    assert learning.cut_metrics(runs, doubted)["cuts_doubtful"] == 1
+    warnings = pd.DataFrame([("2", "reach", "a pause", 1.2)], columns=columns)
+    flagged = replace(found, warnings=warnings)
+    assert learning.learned_cuts(flagged, False)["reach"].index.tolist() == ["0", "1", "3"]
+    assert len(learning.learned_cuts(flagged, True)["reach"]) == 4
+    assert learning.cut_metrics(runs, flagged)["cuts_warnings"] == 1
     with pytest.raises(InputError, match=r"no demonstration is without a cut warning \(a pause\)"):
         learning.learned_cuts(
-            replace(found, doubts=pd.concat([doubts.assign(demonstration=k) for k in "0123"])), False
+            replace(found, warnings=pd.concat([warnings.assign(demonstration=k) for k in "0123"])), False
         )
 
 

@@ -267,7 +267,7 @@ def ensemble(**changes):
 
 def test_a_member_sees_whole_demonstrations_from_elsewhere_across_the_reach():
     dataset = toy_dataset(scenarios=2, demonstrations=10)
-    seen = network_training.lesson(dataset, ensemble(demonstrations=8, displaced_m=0.1), (0, 1))
+    seen = network_training.member_samples(dataset, ensemble(demonstrations=8, displaced_m=0.1), (0, 1))
     assert len(seen) == 8 * 25
     keys = {tuple(key) for key in np.stack([seen.scenario, seen.demonstration, seen.time], axis=1)}
     rows = [key in keys for key in zip(dataset.scenario, dataset.demonstration, dataset.time, strict=True)]
@@ -277,7 +277,7 @@ def test_a_member_sees_whole_demonstrations_from_elsewhere_across_the_reach():
     np.testing.assert_allclose(off[:, 6], off[:, 1])  # the closest point is off as the centre is
     np.testing.assert_allclose(off[:, [0, 3, 4, 5, 12]], 0.0, atol=1e-12)  # nothing along the reach
     assert off[:, 13:15].std() == pytest.approx(ensemble().displaced_velocity_m, rel=0.15)
-    other = network_training.lesson(dataset, ensemble(demonstrations=8, displaced_m=0.1), (0, 2))
+    other = network_training.member_samples(dataset, ensemble(demonstrations=8, displaced_m=0.1), (0, 2))
     assert not np.array_equal(seen.features, other.features)
 
 

@@ -21,7 +21,7 @@ from primitives_movements import few, quick, rngs
 from structlearn.avoidance.avoiding_unroll import GoalChange, no_coupling, strongest_pushes
 from structlearn.avoidance.features import SCALED_VELOCITY, TO_CENTRE, features
 from structlearn.avoidance.postprocessing import (
-    TEXT_ONLY,
+    PUBLISHED_ONLY,
     Deadline,
     GoalReach,
     PostprocessingParameters,
@@ -75,7 +75,7 @@ def test_without_coupling_it_is_the_primitive_s_own_movement(scaled):
 @few
 def test_it_agrees_with_the_primitive_s_own_loop_scenario_by_scenario(rng):
     clouds, model = spheres(beside_the_reach(rng, 3)), random_network(rng, 30.0)
-    paths = unroll(PRIMITIVE, model, [clouds], DT, TEXT_ONLY)
+    paths = unroll(PRIMITIVE, model, [clouds], DT, PUBLISHED_ONLY)
     goal_x = np.linalg.norm(GOAL - START)
     assert np.abs(paths.coupling).max() > 1.0
     for b in range(3):

@@ -68,14 +68,14 @@ def test_rows_quoted_from_a_study_are_not_counted_as_run(tmp_path):
 
 
 def test_rows_are_held_against_their_likes_and_changed_words_are_named_one_by_one():
-    """Cases of one statement are kept apart; the same words may stand for two sets, or the text and ours."""
+    """Cases of one statement are kept apart; the same words may stand for two sets, or for two origins."""
     there = HERE.assign(verdict=["yes", "undecided", "yes", "yes"], here=["1.1", "2.1", "3.1", "4"])
     assert changes(compared({"toy": HERE}, {"toy": there[:3]})) == [
         "toy: b: yes -> undecided (2.0 -> 2.1)",
         "toy: c: x: no -> yes (3 -> 3.1)",
         "toy: c: y: yes -> no such row (4 -> no such row)",
     ]
-    twice = pd.concat([HERE.assign(set="a", by="text"), HERE.assign(set="b", by="text")])
+    twice = pd.concat([HERE.assign(set="a", by="published"), HERE.assign(set="b", by="published")])
     twice = pd.concat([twice, HERE.assign(set="b", by="ours", verdict="no")])
     table = compared({"toy": twice}, {"toy": twice})
     assert len(table) == len(twice)

@@ -88,7 +88,7 @@ def test_a_task_goes_through_to_its_page(root, folder):
     run_stages(root, "reach", *STAGES, "view", "report")
     report = Path("reports/tasks/reach")
     values = json.loads((report / "metrics.json").read_text())
-    assert (values["cuts_demonstrations"], values["cuts_doubtful"]) == (6, 0)
+    assert (values["cuts_demonstrations"], values["cuts_warnings"]) == (6, 0)
     assert values["primitives_reach_left_out_mm"] < 5.0
     page = (report / "index.html").read_text()
     assert 'class="badge"' not in page  # nothing on it is simulated

@@ -117,6 +117,25 @@ def test_joint_states_and_a_robot_give_the_hand(example, tmp_path):
         assert path.extent_m == pytest.approx(captured.paths[name].extent_m, rel=0.01)
 
 
+def test_a_robot_is_proposed_beside_a_topic_of_poses(example, tmp_path):
+    topics = ["/joint_states", "/gripper/pose"]
+
+    def lifted(topic, messages):
+        if topic == "/joint_states":
+            return messages
+        data = np.array([list(one) for one in messages.data], np.uint8)
+        data[:, -56:].view("<f8")[:, 2] += 0.1  # z; a pose is the end of its message
+        return replace(messages, data=[one.tobytes() for one in data])
+
+    proposal = find_out(str(rewritten(example, tmp_path / "both", topics)), URDF).proposal
+    assert proposal.entry["topics"]["pose"] == "/gripper/pose"
+    assert "robot" not in proposal.warnings  # the tip is where the hand is
+    task = as_task("\n".join(as_yaml(proposal)), tmp_path)
+    assert (task.robot.urdf, task.robot.tip) == (PANDA, TIP)
+    found = find_out(str(rewritten(example, tmp_path / "lifted", topics, lifted)), URDF)
+    assert "starts up to 0.1 m from /gripper/pose" in found.proposal.warnings["robot"][0]
+
+
 def test_frames_are_listed_and_the_hand_is_the_end_of_what_moves(tmp_path, capsys):
     rest = [0.0, 0.0, 1.0, 1.0, 0.0, 0.0, 0.0]
     kind = "tf2_msgs/msg/TFMessage"

@@ -26,8 +26,8 @@ from structlearn.policy_search.pi2 import (
 )
 
 DEFAULT = committed(PI2Parameters, "refine.search")
-TEXT = {"samples": 38, "averaging": "per_policy", "horizon": 1.0}
-COLD = committed(PI2Parameters, "refine.search", temperature=1e-3, **TEXT)
+PUBLISHED = {"samples": 38, "averaging": "per_policy", "horizon": 1.0}
+COLD = committed(PI2Parameters, "refine.search", temperature=1e-3, **PUBLISHED)
 
 
 def random_rollouts(rng, samples=12, steps=6, dimensions=3):
@@ -37,8 +37,8 @@ def random_rollouts(rng, samples=12, steps=6, dimensions=3):
 
 
 def parameters_of(mode, **others):
-    """The text's form, but for the covariance."""
-    return committed(PI2Parameters, "refine.search", **TEXT, covariance={"mode": mode, **others})
+    """As published, but for the covariance."""
+    return committed(PI2Parameters, "refine.search", **PUBLISHED, covariance={"mode": mode, **others})
 
 
 def slow_update(mean, policies, costs, kl_bound, floor):

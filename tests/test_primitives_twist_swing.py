@@ -114,8 +114,8 @@ def test_several_recordings_with_sign_flips_are_one_primitive(turns, rng):
         assert error.max() < 5.0
         assert error[-1] < 0.5
         turned = chart.largest_turn([path])
-        taught_turn = chart.largest_turn([demonstration])
-        assert turned == pytest.approx(taught_turn, abs=0.2)  # not a turn fewer or more
+        demonstrated_turn = chart.largest_turn([demonstration])
+        assert turned == pytest.approx(demonstrated_turn, abs=0.2)  # not a turn fewer or more
 
 
 @for_rngs

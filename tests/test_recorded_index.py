@@ -48,7 +48,7 @@ def project(root, tmp_path_factory) -> Path:
         for number, (duration, rest) in enumerate([(1.0, 0.5), (1.3, 0.7), (0.8, 0.4)], start=1):
             write_reach(Path(f"sets/moves/{number}.mcap"), duration, rest)
         Path("reports/scraping/tables").mkdir(parents=True)
-        row = {"by": "text", "statement": LIKE["statement"], "case": "", "verdict": "yes"}
+        row = {"by": "published", "statement": LIKE["statement"], "case": "", "verdict": "yes"}
         pd.DataFrame([row]).to_csv("reports/scraping/tables/claims.csv", index=False)
         run_stages(
             root, "moves", "import_task", "segment", "primitives", "feedback", "skill", "check", "report"

@@ -236,7 +236,7 @@ def test_what_recordings_say_of_a_simulated_statement_stands_beside_it():
     own = judged([claim(), claim("below", by="ours")], {"e": exact(1.0, 3)})
     like = {"testbed": "reaching", "statement": "s"}
     told = [
-        claim(simulated=like | {"by": "text"}),
+        claim(simulated=like | {"by": "published"}),
         claim(simulated=like | {"by": "ours", "page": "feedback"}),
         claim(simulated=like | {"testbed": "another"}),
         claim(simulated=like | {"statement": "never made"}),

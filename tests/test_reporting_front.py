@@ -21,9 +21,9 @@ CLAIM_FILES = {
 }
 CLAIMS = pd.DataFrame(
     [
-        ("text", "Turn", "0.55 [0.47, 0.64] of the cost", "yes", "undecided", "cost"),
-        ("text", "Scrape", "0.36 [0.21, 1.61] of the cost", "undecided", "undecided", "cost"),
-        ("text", "", "2.2 % [0.0, 4.8] over 8 people, [1.1, 4.4] pooled", "yes", "yes", "hits"),
+        ("published", "Turn", "0.55 [0.47, 0.64] of the cost", "yes", "undecided", "cost"),
+        ("published", "Scrape", "0.36 [0.21, 1.61] of the cost", "undecided", "undecided", "cost"),
+        ("published", "", "2.2 % [0.0, 4.8] over 8 people, [1.1, 4.4] pooled", "yes", "yes", "hits"),
         ("ours", "", "not tested: no network met the criterion", "not tested", "not tested", "reach"),
     ],
     columns=["by", "case", "here", "verdict", "verdict_of_all", "evidence"],

@@ -14,7 +14,7 @@ from structlearn.core.errors import InputError
 from structlearn.core.metrics import nmse
 from structlearn.networks.torch_settings import seeded
 from structlearn.rigid_body import dynamics_models as dynamics
-from structlearn.rigid_body.dynamics_training import KINDS, LearningParameters, Lesson, learner
+from structlearn.rigid_body.dynamics_training import KINDS, LearningParameters, TrainingData, learner
 from structlearn.rigid_body.network_models import StackedLagrangianNetworks, StackedPerceptrons
 
 FRICTION = ("viscous", "offset")
@@ -24,7 +24,9 @@ JOINTS = 4
 
 def trained(kind):
     """Two models after some steps: the models, and the errors that their training had."""
-    group = learner(kind, Lesson(arm().tree, rubbing_motion(arm()), FRICTION), "raw", (0, 1), PARAMETERS)
+    group = learner(
+        kind, TrainingData(arm().tree, rubbing_motion(arm()), FRICTION), "raw", (0, 1), PARAMETERS
+    )
     group.learn(torch.arange(300))
     perceptron = kind.startswith("mlp")
     hidden = PARAMETERS.hidden if perceptron or kind == "delan" else ()

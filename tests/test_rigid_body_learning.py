@@ -39,7 +39,9 @@ def motion():
 
 
 def start(kind, motion, seeds=(0, 1), friction=(), loss="raw"):
-    return training.learner(kind, training.Lesson(arm().tree, motion, friction), loss, seeds, PARAMETERS)
+    return training.learner(
+        kind, training.TrainingData(arm().tree, motion, friction), loss, seeds, PARAMETERS
+    )
 
 
 @pytest.mark.parametrize("structure", STRUCTURES)
@@ -239,7 +241,7 @@ TRAININGS = committed(
     ),
 )
 ROBOTS = (11, 12)
-MOTIONS = ("iiwa", *(f"stand_in/{robot}" for robot in ROBOTS))
+MOTIONS = ("iiwa", *(f"perturbed/{robot}" for robot in ROBOTS))
 
 
 @pytest.fixture(scope="module")
@@ -254,11 +256,13 @@ def trained():
 def test_all_models_of_an_arm_and_its_robots_are_trained_and_tabulated(trained):
     models, errors, outcomes = trained
     ours = ("mlp", "mlp_scaled", "delan", "cov")
-    text = ("mlp", "delan", "cov")  # the scaled perceptron is no model of the text
-    forms = [*product((protocol.TEXT,), text), *product((protocol.OURS,), ours)]
+    published = ("mlp", "delan", "cov")  # the scaled perceptron has no published form
+    forms = [*product((protocol.PUBLISHED,), published), *product((protocol.OURS,), ours)]
     expected = {f"{motion}/{form}/{kind}" for motion, (form, kind) in product(MOTIONS, forms)}
     expected |= {
-        f"stand_in/{robot}/{form}/cov_coulomb" for robot in ROBOTS for form in (protocol.TEXT, protocol.OURS)
+        f"perturbed/{robot}/{form}/cov_coulomb"
+        for robot in ROBOTS
+        for form in (protocol.PUBLISHED, protocol.OURS)
     }
     assert set(models) == expected
     for name, learned in models.items():
@@ -268,9 +272,9 @@ def test_all_models_of_an_arm_and_its_robots_are_trained_and_tabulated(trained):
     assert not outcomes.duplicated(keys).any()
     seeds = outcomes.groupby("arm")["seed"].unique()
     assert set(seeds["iiwa"]) == {3, 5}
-    assert set(seeds["stand_in"]) == set(ROBOTS)  # a robot's model has its seed
-    last = errors[(errors["epoch"] == 1) & (errors["arm"] == "stand_in")].groupby(keys)["nmse"].max()
-    of_robots = outcomes[outcomes["arm"] == "stand_in"].set_index(keys)["nmse_max"]
+    assert set(seeds["perturbed"]) == set(ROBOTS)  # a robot's model has its seed
+    last = errors[(errors["epoch"] == 1) & (errors["arm"] == "perturbed")].groupby(keys)["nmse"].max()
+    of_robots = outcomes[outcomes["arm"] == "perturbed"].set_index(keys)["nmse_max"]
     np.testing.assert_allclose(of_robots.sort_index(), last.sort_index())
 
 
@@ -281,9 +285,9 @@ def test_what_may_be_tracked_with_met_the_criterion_of_its_arm():
     parameters = TRAININGS.model_copy(
         update={"epochs": limits, "learning": learning, "forms": (protocol.OURS,)}
     )
-    motions = {"iiwa": sine_motion(arm(), 600), "stand_in/11": rubbing_motion(arm())}
+    motions = {"iiwa": sine_motion(arm(), 600), "perturbed/11": rubbing_motion(arm())}
     _, _, outcomes = protocol.train(protocol.trainings((11,), parameters), motions, arm().tree, parameters)
-    simulated, robots = (outcomes[outcomes["arm"] == name] for name in ("iiwa", "stand_in"))
+    simulated, robots = (outcomes[outcomes["arm"] == name] for name in ("iiwa", "perturbed"))
     np.testing.assert_array_equal(simulated["met"], simulated["epochs"].notna())
     np.testing.assert_array_equal(simulated["met"], simulated["nmse_max"] <= 0.3)
     networks = ~robots["model"].str.startswith("cov")

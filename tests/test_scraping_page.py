@@ -103,12 +103,12 @@ def refinement_numbers(its):
     return rows(own.refinement_of_one, its, refinement_tables(its, PRINTED)).numbers()
 
 
-def refinement_evidence(its, text=None):
-    """The same of refinements, in the text's form like `text`, else like the results."""
+def refinement_evidence(its, published=None):
+    """The same of refinements, as published like `published`, else like the results."""
     ours = refinement_numbers(its)
-    study = forms({OURS: ours, own.TEXT: refinement_numbers(text) if text else ours})
+    study = forms({OURS: ours, own.PUBLISHED: refinement_numbers(published) if published else ours})
     find = Findings()
-    for form in (own.TEXT, OURS):
+    for form in (own.PUBLISHED, OURS):
         own.refinement_of_people(find, own.ScrapingPeople(study, form, PRIMITIVES), its)
     return find
 
@@ -130,7 +130,7 @@ def verdicts(page, results):
 def test_every_claim_holds_where_the_data_say_so():
     assert set(verdicts("feedback", stored()).values()) == {YES, NO}
     refuted = {"in_the_unroll", "level_board", "level_board_ours"}
-    refuted |= {"level_board_refined_text", "level_board_refined_ours"}
+    refuted |= {"level_board_refined_published", "level_board_refined_ours"}
     for page in ("feedback", "refinement"):
         for evidence, verdict in verdicts(page, stored()).items():
             assert verdict == (NO if evidence in refuted else YES), evidence
@@ -168,13 +168,13 @@ CHANGES = [
     ("feedback", weights(phase_weights()[(7 * np.arange(25)) % 25]), "phase_dependent", NO),
     ("feedback", weights(np.tile(phase_weights()[0], (25, 1))), "phase_dependent", NO),
     ("refinement", changed(10.0, after=60.0), "lower_ours", NO),
-    ("refinement", changed(10.0, after=60.0), "lower_text", YES),  # less than 30 %, but lower
-    ("refinement", changed(10.0, after=90.0), "lower_text", NO),
+    ("refinement", changed(10.0, after=60.0), "lower_published", YES),  # less than 30 %, but lower
+    ("refinement", changed(10.0, after=90.0), "lower_published", NO),
     ("refinement", changed(0.0, after=1.0), "level_board_refined_ours", YES),
-    ("refinement", curve_of(80.0, 50.0, 42.0, 42.0), "converged_text", YES),
-    ("refinement", curve_of(80.0, 50.0, 45.0, 44.9, 38.0), "converged_text", NO),  # a later gain counts
-    ("refinement", curve_of(80.0, 50.0, 42.0, 50.0), "converged_text", YES),  # worse again: no improvement
-    ("refinement", curve_of(80.0, 50.0, 42.0), "converged_text", NOT_TESTED),  # no later one was run
+    ("refinement", curve_of(80.0, 50.0, 42.0, 42.0), "converged_published", YES),
+    ("refinement", curve_of(80.0, 50.0, 45.0, 44.9, 38.0), "converged_published", NO),  # a later gain counts
+    ("refinement", curve_of(80.0, 50.0, 42.0, 50.0), "converged_published", YES),  # worse again
+    ("refinement", curve_of(80.0, 50.0, 42.0), "converged_published", NOT_TESTED),  # no later one was run
 ]
 
 
@@ -190,14 +190,14 @@ def test_each_rule_of_stopping_has_its_own_rows():
         (table["representation"] == "pmnn_100") & (table["stopping"] == "validation"), "generalization"
     ] += 0.2
     found = verdicts("feedback", stored(comparison=table, orderings=orderings(table)))
-    text = ("order_of_structures", "features_inside", "more_nodes", "level_of_error")
-    assert {found[name] for name in text} == {YES}
-    assert {found[f"{name}_validated"] for name in text} == {NO}
+    stated = ("order_of_structures", "features_inside", "more_nodes", "level_of_error")
+    assert {found[name] for name in stated} == {YES}
+    assert {found[f"{name}_validated"] for name in stated} == {NO}
     claims = {
         claim.evidence: claim.by
         for claim in read_claims(Path(module.__file__).with_name("feedback_claims.yaml"))
     }
-    assert {claims[name] for name in (*text[:3], "phase_helps")} == {"text"}
+    assert {claims[name] for name in (*stated[:3], "phase_helps")} == {"published"}
     assert {by for name, by in claims.items() if name.endswith("_validated")} == {"ours"}
 
 
@@ -239,7 +239,7 @@ def test_people_are_judged_where_they_were_studied():
     for text in texts.values():
         assert words_in_view(text) <= 1000
         head = text[text.index(">Verdicts</a></h2>") : text.index('<table class="claims">')]
-        assert "rest on the study scraping/people, made by unknown code, not run again." in head
+        assert "rest on the study scraping/people, made by unknown code, not repeated since." in head
     assert "Over 5 people" in texts["feedback"]
 
 
@@ -255,13 +255,13 @@ def test_the_share_left_is_the_geometric_mean_of_the_least_clear_tilt():
 
 
 def test_the_dissertation_s_claims_are_decided_by_its_own_form():
-    """Ours improves, the text's does not: the row of the text is no, that of ours yes."""
+    """Ours improves, the published form does not: its row is no, that of ours yes."""
     found = refinement_evidence(stored(), stored(**changed(10.0, after=90.0)))
     words = reporting_verdicts.cases(module.__package__, defaultdict(lambda: UNKNOWN, found), CLAIMS)
-    assert set(words["lower_text"].values()) == {NO}
+    assert set(words["lower_published"].values()) == {NO}
     assert set(words["lower_ours"].values()) == {YES}
     for claim in read_claims(Path(module.__file__).with_name(CLAIMS)):
-        assert claim.by == "ours" or claim.evidence.endswith("_text")
+        assert claim.by == "ours" or claim.evidence.endswith("_published")
 
 
 def test_findings_are_the_means_given():

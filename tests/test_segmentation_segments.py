@@ -43,7 +43,7 @@ def test_known_cut_points_are_found(two_move_demonstrations, segmentation):
 def test_stretched_copies_align_exactly(two_move_demonstrations, segmentation):
     """Equation IV.15 holds for stretched copies, so all cuts fall on the same fraction of it."""
     for primitive, place in (("down", 0), ("scrape", 2)):
-        cuts = segmentation.result(primitive, "wls_text")
+        cuts = segmentation.result(primitive, "wls_published")
         for demonstration in two_move_demonstrations:
             start, end = demonstration.true_segments[place]
             found = cuts.loc[demonstration.name, ["start_s", "end_s"]].to_numpy(dtype=float)
@@ -116,7 +116,7 @@ def test_round_trip(segmentation, tmp_path):
     assert read.primitives == ["down", "turn", "scrape"]
     assert read.cuts.equals(segmentation.cuts)
     assert read.pairs.equals(segmentation.pairs)
-    (tmp_path / "cuts/reference.parquet").write_bytes((tmp_path / "cuts/doubts.parquet").read_bytes())
+    (tmp_path / "cuts/reference.parquet").write_bytes((tmp_path / "cuts/warnings.parquet").read_bytes())
     with pytest.raises(InputError, match=r"reference\.parquet: has no column reference: another table"):
         read_segmentation(tmp_path / "cuts")
     write_table(pd.DataFrame({"reference": pd.Series(dtype=str)}), tmp_path / "cuts/reference.parquet")
@@ -160,7 +160,7 @@ def test_segments_are_those_commanded_or_else_cut(two_move_demonstrations, known
 
 def test_one_run_without_them_or_a_reference_elsewhere_and_all_are_cut_alike(two_move_demonstrations):
     runs = unknown(two_move_demonstrations)
-    elsewhere = CUTTING.model_copy(update={"reference": "taught_by_hand_3"})
+    elsewhere = CUTTING.model_copy(update={"reference": "guided_by_hand_3"})
     alike = execution_cuts(runs, NAMES, CUTTING)
     for given, parameters in (([*two_move_demonstrations[:-1], runs[-1]], CUTTING), (runs, elsewhere)):
         for name, table in execution_cuts(given, NAMES, parameters).items():

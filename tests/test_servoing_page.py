@@ -19,10 +19,10 @@ from structlearn.simulation.touch_demonstrator import ToucherParameters
 from structlearn.tactile.electrodes import SKINS
 from structlearn.tactile.latent_parameters import GeodesicParameters, LatentParameters
 from structlearn.tactile.touch_dataset import SPLITS, TouchDataParameters
-from structlearn.testbeds.servoing.names import DYNAMICS, OURS, STILL, TEXT
+from structlearn.testbeds.servoing.names import AS_PUBLISHED, DYNAMICS, OURS, STILL
 from structlearn.testbeds.servoing.page import page
 from structlearn.testbeds.servoing.page.findings import (
-    TEXT_LL,
+    AS_PUBLISHED_LL,
     ModelScores,
     ServoingResults,
     contact_bias,
@@ -138,7 +138,7 @@ def comparison(reached=None):
         for time in (1.0, 2.0):
             near = {"median_mm": 2.0 / time, "upper_mm": 3.0 / time, "within": hits / 12}
             progress.append(keys | {"time_s": time} | near)
-        if variant in (TEXT, OURS):
+        if variant in (AS_PUBLISHED, OURS):
             for time in range(6):
                 place = dict(zip(("x_m", "y_m", "z_m"), SKIN.surface(-0.01 + 0.001 * time, 0.0), strict=True))
                 paths.append(keys | {"seed": 0, "trial": 0, "time_s": time} | place | {"load_n": 1.0})
@@ -146,14 +146,14 @@ def comparison(reached=None):
     return {name: pd.DataFrame(rows) for name, rows in tables.items()}
 
 
-def skin_tables(text=0, ours=10):
-    """Of two skins; so many of twelve targets are reached by the text's controller and ours."""
+def skin_tables(published=0, ours=10):
+    """Of two skins; so many of twelve targets are reached by the published controller and ours."""
     parts = []
     for name in ("sphere", "flat_pad"):
         found = {
             "latent": latent_table(),
             "directions": direction_table(),
-            "trials": comparison({TEXT: text, OURS: ours})["trials"],
+            "trials": comparison({AS_PUBLISHED: published, OURS: ours})["trials"],
         }
         parts.append({key: table.assign(skin=name) for key, table in found.items()})
     return {key: pd.concat([part[key] for part in parts], ignore_index=True) for key in parts[0]}
@@ -212,7 +212,8 @@ def predictions():
 def loops(default=0.1, lost=0, **rates):
     """Shares by metric, with a skin's name before it; others have the default. Spread over people."""
     cases = [rate_case(one) for one in rated()]
-    cases += [rate_case(one, skin) for skin in ("sphere", "flat_pad") for one in (TEXT, TEXT_LL, OURS)]
+    shown = (AS_PUBLISHED, AS_PUBLISHED_LL, OURS)
+    cases += [rate_case(one, skin) for skin in ("sphere", "flat_pad") for one in shown]
     found = {f"servo_success_rate_{case}".strip("_"): rates.get(case or "ours", default) for case in cases}
     return {key: np.minimum(spread(value), 1.0) for key, value in found.items()} | {
         "servo_contacts_lost": np.full(4, lost)
@@ -263,7 +264,7 @@ def test_the_page_says_what_its_verdicts_rest_on_and_on_which_contacts_models_we
 ):
     results = with_people(results, everything()) if studied else results
     text = render(document(results, findings(results)), reporting_verdicts.AnyFigure())
-    assert ("rest on the study servoing/people, made by unknown code, not run again." in text) == studied
+    assert ("rest on the study servoing/people, made by unknown code, not repeated since." in text) == studied
     count = 3 * (400 - 3 * 31)  # of 30 contacts, those with 7 as last digit
     assert f"(0 in 0 contacts of rotation, {count} in 3 contacts of translation)" in text
 

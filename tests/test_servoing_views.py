@@ -16,7 +16,7 @@ from structlearn.simulation.touch_demonstrator import (
 )
 from structlearn.tactile.electrodes import SKINS
 from structlearn.tactile.touch_dataset import TouchDataParameters, prepare, read_dataset, write_dataset
-from structlearn.testbeds.servoing.names import FORM_COLOURS, FORM_NAMES, OURS, TEXT
+from structlearn.testbeds.servoing.names import AS_PUBLISHED, FORM_COLOURS, FORM_NAMES, OURS
 from structlearn.testbeds.servoing.protocol.servo_trials import make_scene
 from structlearn.testbeds.servoing.protocol.servo_variants import ServoTrialParameters
 from structlearn.testbeds.servoing.views.demonstrated_touches import (
@@ -77,7 +77,7 @@ def loops():
     table[["latent_x", "latent_y"]] = np.stack([across, along], axis=1) / MAP_UNIT_M
     table[[f"electrode_{number + 1:02d}" for number in range(19)]] = -100.0 * np.arange(19)
     trials, paths = [], []
-    for variant in (TEXT, OURS):
+    for variant in (AS_PUBLISHED, OURS):
         for trial, motion in enumerate(("rotation", "mixed")):
             keys = vars(variant) | {"seed": 0, "trial": trial}
             paths.append(table.assign(**keys))

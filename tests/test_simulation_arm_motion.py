@@ -17,7 +17,7 @@ from structlearn.rigid_body.dynamics_models import DynamicsModels
 from structlearn.rigid_body.inertia_parameters import free_parameters
 from structlearn.simulation.arm import ArmParameters, Mechanics, ideal
 from structlearn.testbeds.dynamics.protocol.tracking import Candidate, Testbed, known, learned, track
-from structlearn.testbeds.dynamics.protocol.trainings import OURS, TEXT
+from structlearn.testbeds.dynamics.protocol.trainings import OURS, PUBLISHED
 from structlearn.testbeds.dynamics.world.arm_motion import (
     ArmMotionParameters,
     ReachingParameters,
@@ -173,7 +173,7 @@ def testbed(robot):
 @pytest.fixture(scope="module")
 def tables(testbed, robot):
     broken = compiled_dynamics.inverse_dynamics(robot.tree, robot.inertias, np.full((4, 7), np.nan))
-    return track(testbed, [*known(testbed), Candidate("broken", TEXT, (1,), broken)])
+    return track(testbed, [*known(testbed), Candidate("broken", PUBLISHED, (1,), broken)])
 
 
 def test_the_truth_follows_sines_and_reaches(tables):
@@ -195,7 +195,7 @@ def test_a_model_that_fails_is_told_not_dropped(tables):
 def test_scores_are_those_of_the_definition(testbed, robot):
     heavy = replace(robot.inertias, mass=1.2 * robot.inertias.mass)
     wrong = compiled_dynamics.inverse_dynamics(robot.tree, heavy)
-    scores, paths = track(testbed, [Candidate("wrong", TEXT, (0,), wrong)])
+    scores, paths = track(testbed, [Candidate("wrong", PUBLISHED, (0,), wrong)])
     reach = scores.query("task == 'reach'").iloc[0]
     path = paths.query("task == 'reach'")
     tool, wanted = (path[[f"{name}_{axis}" for axis in "xyz"]].to_numpy() for name in ("tool", "wanted"))
@@ -206,7 +206,7 @@ def test_scores_are_those_of_the_definition(testbed, robot):
 def test_only_models_that_met_the_criterion_are_tracked_with(testbed):
     """A model is that of its row, whatever rows are left out."""
     robot = testbed.arm.robot
-    masses = {form: robot.inertias.mass * factor for form, factor in ((TEXT, 1.0), (OURS, 2.0))}
+    masses = {form: robot.inertias.mass * factor for form, factor in ((PUBLISHED, 1.0), (OURS, 2.0))}
 
     def read(form, name):
         free = [
@@ -216,9 +216,13 @@ def test_only_models_that_met_the_criterion_are_tracked_with(testbed):
         return DynamicsModels(name, robot.tree.names, (), (), state)
 
     keys = ["model", "form", "seed", "met"]
-    rows = [("cov", TEXT, 0, False), ("cov", TEXT, 1, True), ("cov", OURS, 0, True), ("cov", OURS, 1, False)]
+    met = {(PUBLISHED, 0): False, (PUBLISHED, 1): True, (OURS, 0): True, (OURS, 1): False}
+    rows = [("cov", *which, good) for which, good in met.items()]
     found = learned(testbed, pd.DataFrame(rows, columns=keys), read)
-    assert [(one.name, one.form, one.seeds) for one in found] == [("cov", TEXT, (1,)), ("cov", OURS, (0,))]
+    assert [(one.name, one.form, one.seeds) for one in found] == [
+        ("cov", PUBLISHED, (1,)),
+        ("cov", OURS, (0,)),
+    ]
     still = np.zeros(7)
     for candidate, factor in zip(found, (1.5, 2.0), strict=True):
         inertias = replace(robot.inertias, mass=robot.inertias.mass * factor)

@@ -10,10 +10,10 @@ from structlearn.simulation.arm import ArmParameters, Payload
 from structlearn.testbeds.dynamics.world.arm_motion import ArmMotionParameters
 from structlearn.testbeds.dynamics.world.joint_logs import (
     PayloadParameters,
-    StandInParameters,
+    PerturbedRobotParameters,
     ideal_log,
-    stand_in,
-    stand_in_log,
+    perturbed_mechanics,
+    perturbed_robot_log,
 )
 
 MOTION = committed(ArmMotionParameters, "arm_motion", test={"duration_s": 4.0}).used
@@ -46,22 +46,22 @@ def test_the_ideal_log_obeys_the_urdfs_dynamics(robot, log):
     assert log.provenance["origin"] == "simulated"
 
 
-def test_the_stand_in_differs_from_its_urdf_by_what_is_named(robot):
-    parameters = committed(StandInParameters, "stand_in")
-    log = stand_in_log(robot, parameters, SEED, MOTION)
-    true = stand_in(robot.tree, robot.inertias, parameters, SEED)
+def test_the_perturbed_robot_differs_from_its_urdf_by_what_is_named(robot):
+    parameters = committed(PerturbedRobotParameters, "stand_in")
+    log = perturbed_robot_log(robot, parameters, SEED, MOTION)
+    true = perturbed_mechanics(robot.tree, robot.inertias, parameters, SEED)
     friction = friction_rows(np.column_stack([true.viscous, true.coulomb]), ["viscous", "coulomb"])
     wrong = nmse(predicted(robot, robot.inertias, log), log.torques[:-1])
     right = nmse(predicted(robot, true.inertias, log, friction), log.torques[:-1])
     assert (right < wrong).all()
     assert wrong[[0, 4, 5, 6]].min() > 0.2  # axes that carry little weight: friction decides
-    assert "stand-in" in log.provenance["arm"]
-    assert stand_in_log(robot, parameters, SEED, MOTION).torques.tobytes() == log.torques.tobytes()
+    assert "perturbed robot" in log.provenance["arm"]
+    assert perturbed_robot_log(robot, parameters, SEED, MOTION).torques.tobytes() == log.torques.tobytes()
 
 
-def test_links_of_the_stand_in_are_real_bodies(robot):
-    parameters = committed(StandInParameters, "stand_in", mass_spread=0.4)
-    mechanics = stand_in(robot.tree, robot.inertias, parameters, SEED)
+def test_links_of_the_perturbed_robot_are_real_bodies(robot):
+    parameters = committed(PerturbedRobotParameters, "stand_in", mass_spread=0.4)
+    mechanics = perturbed_mechanics(robot.tree, robot.inertias, parameters, SEED)
     moments = np.linalg.eigvalsh(mechanics.inertias.inertia)
     assert (mechanics.inertias.mass > 0).all()
     assert (moments > 0).all()
@@ -71,22 +71,24 @@ def test_links_of_the_stand_in_are_real_bodies(robot):
 
 SHARES = ("viscous_share", "coulomb_share", "ripple_share", "noise_share")
 SPREADS = ("mass_spread", "centre_spread_m", "latency_ticks")
-IDEAL = committed(StandInParameters, "stand_in", **dict.fromkeys(SHARES + SPREADS, 0))
+IDEAL = committed(PerturbedRobotParameters, "stand_in", **dict.fromkeys(SHARES + SPREADS, 0))
 
 
-def test_without_spread_friction_ripple_and_latency_the_stand_in_is_ideal(robot, log):
-    np.testing.assert_allclose(stand_in_log(robot, IDEAL, SEED, MOTION).torques, log.torques, atol=1e-8)
+def test_without_spread_friction_ripple_and_latency_the_perturbed_robot_is_ideal(robot, log):
+    np.testing.assert_allclose(
+        perturbed_robot_log(robot, IDEAL, SEED, MOTION).torques, log.torques, atol=1e-8
+    )
 
 
 def test_a_robot_is_the_same_with_and_without_a_payload_until_it_picks_it_up(robot):
     """Every robot has links and noise of its own, and noise is not that of its other log."""
-    parameters = committed(StandInParameters, "stand_in")
+    parameters = committed(PerturbedRobotParameters, "stand_in")
     payload = committed(PayloadParameters, "record_motion.payload")
     half = 500
     empty, loaded, other = (
-        stand_in_log(robot, parameters, SEED, MOTION),
-        stand_in_log(robot, parameters, SEED, MOTION, payload),
-        stand_in_log(robot, parameters, SEED + 1, MOTION),
+        perturbed_robot_log(robot, parameters, SEED, MOTION),
+        perturbed_robot_log(robot, parameters, SEED, MOTION, payload),
+        perturbed_robot_log(robot, parameters, SEED + 1, MOTION),
     )
     np.testing.assert_array_equal(loaded.positions[: half + 1], empty.positions[: half + 1])
     assert np.abs(loaded.positions - empty.positions)[half + 10 :].max() > 1e-4
@@ -99,7 +101,7 @@ def test_a_robot_is_the_same_with_and_without_a_payload_until_it_picks_it_up(rob
 def test_the_payload_appears_when_it_is_picked_up(robot):
     """On a robot that is as its URDF has it, so that every torque is known."""
     parameters = committed(PayloadParameters, "record_motion.payload")
-    log = stand_in_log(robot, IDEAL, SEED, MOTION, parameters)
+    log = perturbed_robot_log(robot, IDEAL, SEED, MOTION, parameters)
     loaded = carrying(robot, Payload(parameters.mass_kg, parameters.point_m, parameters.radius_m))
     without, loaded_too = (predicted(robot, inertias, log) for inertias in (robot.inertias, loaded))
     half = 500

@@ -51,7 +51,7 @@ DESCRIPTION = Description(
     stages=["learn", "report"],
     tables=["findings", "tables/rows"],
     numbers=("cost*",),
-    variants={"text": {"parameters": {"report.factor": 10}, "first": "report"}},
+    variants={"published": {"parameters": {"report.factor": 10}, "first": "report"}},
 )
 LEARN = """
 import yaml
@@ -129,7 +129,7 @@ def test_a_cell_runs_all_stages_with_its_seeds_and_a_variant_those_that_it_chang
     tables = run_cell(NAME, DESCRIPTION, "5-7", scripts)
     found = tables["findings"]
     assert list(found) == ["variant", "cell", "cost", "cost_runs"]
-    assert found.to_numpy().tolist() == [["ours", "5-7", 20, 1], ["text", "5-7", 200, 1]]
+    assert found.to_numpy().tolist() == [["ours", "5-7", 20, 1], ["published", "5-7", 200, 1]]
     assert tables["rows"]["seed"].tolist() == [5, 6, 7] * 2  # a list gets all seeds
     assert sorted(path.name for path in scripts.iterdir()) == ["dvc.yaml", "params.yaml", "stages"]
     with pytest.raises(InputError, match=r"cell 66: stages/toy/learn\.py: no such person"):
@@ -143,7 +143,7 @@ def test_cells_are_joined_with_those_in_git(toy):
     assert study.table["cell"].tolist() == ["9", "10"] * 2
     assert list(study.made.cells) == ["9", "10"]
     np.testing.assert_array_equal(study.values("ours", "cost"), [36, 40])
-    np.testing.assert_array_equal(study.values("text", "cost"), [360, 400])
+    np.testing.assert_array_equal(study.values("published", "cost"), [360, 400])
     (toy / "stages/toy/learn.py").write_text(LEARN.replace(*MORE_STEPS))
     assert run(toy, "10").values("ours", "cost").tolist() == [36, 41]  # run anew by other code
     more = {"8": (run_cell(NAME, DESCRIPTION, "8", toy), ORIGIN)}
@@ -171,7 +171,7 @@ def test_a_study_is_quoted_only_with_its_parameters_whoever_the_pipeline_shows(t
     assert read() is not None
     assert read(**{"learn.seed": 8}) is not None
     assert read(**{"learn.steps": 5}) is None
-    (toy / RESULTS / NAME / "findings.csv").write_text("variant,cost\nours\ntext,1,2,3\n")
+    (toy / RESULTS / NAME / "findings.csv").write_text("variant,cost\nours\npublished,1,2,3\n")
     with pytest.raises(InputError, match=r"findings\.csv: not a table"):
         read()
 
@@ -226,10 +226,10 @@ def test_a_study_says_by_whose_code_each_cell_was_made_and_which_was_run_again(c
     again = None if check is None else CHECK.model_copy(update=check)
     origins = {str(number): origin for number, origin in enumerate(cells, 1)}
     study = Study({}, Made(parameters={}, seeds=[], cells=origins, check=again))
-    told = f"; cell 3 run again by 0a1b2c3: 70 numbers, {outcome}" if outcome else ", not run again"
+    told = f"; cell 3 repeated by 0a1b2c3: 70 numbers, {outcome}" if outcome else ", not repeated since"
     words = f"made by commit {made}{told}"
     assert provenance(study) == words
-    assert rests_on(NAME, study) == f"Rows over people rest on the study toy/people, {words}."
+    assert rests_on(NAME, study) == f"Verdicts over populations rest on the study toy/people, {words}."
     assert rests_on(NAME, None) == ""
 
 

@@ -41,7 +41,7 @@ def touch():
 
 
 @pytest.fixture(scope="module")
-def lesson(touch):
+def touches(touch):
     dataset, geodesics = touch
     training = chains(dataset, latent_training.CHAIN_STEPS, split=TRAIN)
     units = touch_units(dataset, training, 0.01)
@@ -98,11 +98,11 @@ def test_what_cannot_be_learned_or_controlled_is_named(touch, comparison):
         latent_training.draw_pairs(dataset.split, lacking, TEST, 10, np.random.default_rng(0))
 
 
-def test_the_dynamics_do_not_change_the_encoders(lesson):
+def test_the_dynamics_do_not_change_the_encoders(touches):
     stack = models()
     drawn = torch.zeros(2, 8, dtype=torch.long)
     means = stack.autoencoders.encoder.means[0].clone()
-    loss = latent_training.dynamics_loss(stack, lesson, drawn, QUICK)
+    loss = latent_training.dynamics_loss(stack, touches, drawn, QUICK)
     spaces, dynamics = stack.autoencoders.parameters(), stack.dynamics_parameters()
     found = torch.autograd.grad(loss, [*spaces, *dynamics], allow_unused=True)
     assert all(gradient is None for gradient in found[: len(spaces)])
@@ -110,7 +110,7 @@ def test_the_dynamics_do_not_change_the_encoders(lesson):
     assert torch.equal(means, stack.autoencoders.encoder.means[0])
 
 
-def test_without_structure_map_and_pressure_are_free(lesson):
+def test_without_structure_map_and_pressure_are_free(touches):
     stack = models(seeds=(0,))
     drawn = torch.arange(8)[None]
     encoder = stack.autoencoders.encoder.weights[0]
@@ -118,7 +118,7 @@ def test_without_structure_map_and_pressure_are_free(lesson):
     def gradient(**changes):
         weights = QUICK.weights.model_copy(update=changes)
         loss = latent_training.autoencoder_losses(
-            stack, lesson, drawn, QUICK.model_copy(update={"weights": weights})
+            stack, touches, drawn, QUICK.model_copy(update={"weights": weights})
         ).sum()
         return torch.autograd.grad(loss, encoder)[0]
 
@@ -169,16 +169,16 @@ def test_errors_are_normalised_as_everywhere(comparison, touch):
         assert found.loc[seed, "reconstruction"] == pytest.approx(expected, rel=1e-3)
 
 
-def test_the_better_start_is_trained(lesson):
+def test_the_better_start_is_trained(touches):
     """Per model, by its own loss; where the first draw is spoiled, the second is taken whole."""
     training = QUICK.model_copy(update={"steps": 5})
     alone, good = models((0, 1), seed=1), models((0, 1), seed=1)
-    latent_training.best_start([alone], lesson, training, 5)
+    latent_training.best_start([alone], touches, training, 5)
     spoiled = models((0, 1), seed=2)
     kept = {name: values.clone() for name, values in spoiled.to_arrays().items()}
     with torch.no_grad():
         spoiled.autoencoders.decoder.weights[-1][1] *= 1e3  # of the second seed's structured model
-    found = latent_training.best_start([spoiled, good], lesson, training, 5)
+    found = latent_training.best_start([spoiled, good], touches, training, 5)
     assert found is spoiled
     for name, values in found.to_arrays().items():
         if name.startswith(("encoder.", "decoder.")):
@@ -187,12 +187,12 @@ def test_the_better_start_is_trained(lesson):
             torch.testing.assert_close(values, kept[name])
 
 
-def test_a_joined_stack_has_every_model(lesson):
+def test_a_joined_stack_has_every_model(touches):
     stacks = [models((0, 1)), models((2,))]
     joined = LatentModels.joined(stacks)
     assert joined.seeds == (0, 1, 2)
     assert len(joined) == 6
-    inputs = lesson.signals[:10].T
+    inputs = touches.signals[:10].T
     whole = joined.autoencoders.encoder.forward(inputs.expand(6, -1, -1))
     part = stacks[0].autoencoders.encoder.forward(inputs.expand(4, -1, -1))
     torch.testing.assert_close(whole[[0, 1, 3, 4]], part)  # structure first, then seeds
@@ -258,12 +258,12 @@ def test_with_actions_oftener_than_steps_the_step_before_still_lasts_a_step(comp
     np.testing.assert_allclose(found, once.act(now, target, mean)[0], rtol=1e-9)
 
 
-def test_predictions_are_held_against_the_touch_that_followed(comparison, lesson, touch):
+def test_predictions_are_held_against_the_touch_that_followed(comparison, touches, touch):
     """Of the prediction that nothing moves, electrodes and pressure follow from the first touch alone."""
     dataset, _ = touch
     servo = TactileServo(comparison.models, comparison.units, True, ServoParameters(), 3.0)
-    rows = lesson.chains[:200]
-    chain = replace(lesson, chains=rows, actions=lesson.actions[:200], time_step=lesson.time_step[:200])
+    rows = touches.chains[:200]
+    chain = replace(touches, chains=rows, actions=touches.actions[:200], time_step=touches.time_step[:200])
     table = decoded_errors(comparison.models, chain, comparison.units)
     found = table.query("structure and seed == 1 and forward == 'unchanged' and steps == 2").iloc[0]
     first, then = (dataset.signals[rows[:, step]] for step in (0, 2))
@@ -273,15 +273,15 @@ def test_predictions_are_held_against_the_touch_that_followed(comparison, lesson
     assert found["pressure"] == pytest.approx(float(pressure), rel=1e-3)
 
 
-def test_directions_count_by_the_size_of_the_true_action(comparison, lesson):
+def test_directions_count_by_the_size_of_the_true_action(comparison, touches):
     """Chains whose true action is nothing do not count, however large the action before it was."""
     keep = torch.arange(200) % 2 == 0
-    actions = lesson.actions[:200].clone()
+    actions = touches.actions[:200].clone()
     actions[~keep, 1] = 0.0
     actions[~keep, 0] *= 50.0
-    rows, time_step = lesson.chains[:200], lesson.time_step[:200]
-    chain = replace(lesson, chains=rows, actions=actions, time_step=time_step)
-    alone = replace(lesson, chains=rows[keep], actions=actions[keep], time_step=time_step[keep])
+    rows, time_step = touches.chains[:200], touches.time_step[:200]
+    chain = replace(touches, chains=rows, actions=actions, time_step=time_step)
+    alone = replace(touches, chains=rows[keep], actions=actions[keep], time_step=time_step[keep])
     found, expected = (direction_errors(comparison.models, one, 0.1) for one in (chain, alone))
     np.testing.assert_allclose(found.pop("distance"), expected.pop("distance"), rtol=1e-4, atol=1e-6)
     assert found.equals(expected)

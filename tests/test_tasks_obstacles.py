@@ -264,8 +264,8 @@ def made_up_ways():
 
     Person 1 touches a box once and takes another gap: if nobody did, how people differ would be unknown.
     """
-    touching = dict.fromkeys(WAYS, 10) | {"none": 11, "human_inspired": 11, "text_ensemble": 8}
-    touching |= {scene_models.TEXT: 0, scene_models.SCENE: 0, "planned": 0}
+    touching = dict.fromkeys(WAYS, 10) | {"none": 11, "human_inspired": 11, "nearest": 8}
+    touching |= {scene_models.PUBLISHED: 0, scene_models.SCENE: 0, "planned": 0}
     keys = [(way, person, number) for way, person, number in product(WAYS, range(PEOPLE), range(REACHES))]
     rows = pd.DataFrame(keys, columns=["way", "fold", "number"])
     people, number, scene = rows["fold"], rows["number"], rows["way"] == scene_models.SCENE
@@ -314,7 +314,13 @@ def test_where_no_reach_touches_an_obstacle_people_are_few(root):
     found = SceneWays(made_up_ways() | {"reaches": clean})
     assert scene_findings(found)["hits"].high == pytest.approx(1 - 0.05 ** (1 / PEOPLE))
     words = verdicts(root, found)
-    rates = {"text_hits", "hits", "hits_blocked", "text_hits_fewer", "text_hits_fewer_than_rai"}
+    rates = {
+        "published_hits",
+        "hits",
+        "hits_blocked",
+        "published_hits_fewer",
+        "published_hits_fewer_than_rai",
+    }
     assert {words[name] for name in (*rates, "features_alone")} == {"undecided"}
 
 

@@ -129,7 +129,7 @@ def test_a_run_of_one_depth_acts_on_presses_of_that_depth(learned):
     assert 0 < len(one_depth.pressure) < 288
     assert np.abs(one_depth.place[:, 2]).max() <= 0.5e-3
     servo = tables["servo"]
-    assert set(servo["controller"]) == {names.CORRECTED, *names.TEXT_SERVO}
+    assert set(servo["controller"]) == {names.CORRECTED, *names.PUBLISHED_SERVO}
     assert (servo.loc[servo["arrived"], "left_mm"] <= SMALL.servo.tolerance_mm).all()
 
 
@@ -205,7 +205,7 @@ def made_up():
     maps = pd.DataFrame({"x_m": x, "y_m": y, "z_m": 0.0, "pressure": 0.0, "map_x_m": x, "map_y_m": y})
     path = pd.DataFrame({"trial": np.repeat(range(3), 4), "step": np.tile(range(4), 3), "x_m": 0.0})
     path = path.assign(y_m=0.0, target_x_m=1e-3, target_y_m=1e-3)
-    controllers = (*names.TEXT_SERVO, names.CORRECTED)
+    controllers = (*names.PUBLISHED_SERVO, names.CORRECTED)
     servo = [
         (model, controller, trial, model == "structured", 1.05 * (1 + 0.001 * (trial % 3)))
         for model, controller, trial in product(("structured", "reconstruction only"), controllers, range(20))

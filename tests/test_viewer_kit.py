@@ -125,7 +125,7 @@ def test_notes_and_lanes(tmp_path):
     assert values(path, "/lane", "StateConfiguration:values") == [["down", "turn"]]
     shown = [f"#{colour >> 8:06x}" for colour in values(path, "/lane", "StateConfiguration:colors")[0]]
     assert shown == [BLUE, OCHRE]  # of primitives in their order
-    assert values(path, "/notes", "TextDocument:text") == [["- light blue: the one"]]
+    assert values(path, "/notes", "TextDocument:text") == [["**light blue** the one"]]
 
 
 @pytest.mark.parametrize("colour", COLOUR_NAMES, ids=COLOUR_NAMES.get)

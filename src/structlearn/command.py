@@ -1,16 +1,16 @@
 """From recordings of demonstrations to a checked skill for a robot, in a project folder of your own.
 
-    structlearn inspect ~/bags              what do the recordings hold, and are they fit to learn from?
-    structlearn new pour --from ~/bags      a folder pour/ with an entry proposed from the recordings
+    structlearn inspect ~/bags              contents of recordings, and whether they are suitable
+    structlearn new pour --from ~/bags      a folder pour/ with an entry proposed from recordings
     cd pour && structlearn run              cuts, primitives, feedback, skill: reports/tasks/pour/index.html
-    structlearn check pour                  can the robot do what the skill may ask? (`robot:` in the entry)
+    structlearn check pour                  can the robot follow the skill? (`robot:` in the entry)
     structlearn view pour                   the recordings in 3-D
     structlearn export pour                 the demonstrations as a LeRobotDataset
-    structlearn excite --urdf arm.urdf      a motion to record, from which an arm is identified
+    structlearn excite --urdf arm.urdf      an excitation trajectory for identifying an arm
 
 Recordings are ROS bags (.mcap, .db3, .bag), tables of poses (.csv, .parquet) or LeRobotDatasets. A project
-has its entries in `structlearn.yaml`, its pipeline in `dvc.yaml`, and a git and DVC of its own. An entry says
-what differs from `structlearn defaults`, for example
+has its entries in `structlearn.yaml`, its pipeline in `dvc.yaml`, and its own git and DVC repositories. An
+entry overrides `structlearn defaults`, for example
 
     movement:
       pour:
@@ -43,8 +43,8 @@ from structlearn.tasks.task_files import NAME_RULE, TaskFiles, is_name
 KINDS = ("movement", "motion", "touch", "obstacles")
 
 HEADER = """\
-# Tasks of this project by kind of data. An entry says what differs from the defaults of the package, which
-# `structlearn defaults` prints. `structlearn run` makes all tasks, `structlearn run NAME` one.
+# Tasks of this project by kind of data. An entry overrides the defaults of the package, which
+# `structlearn defaults` prints. `structlearn run` runs all tasks, `structlearn run NAME` one.
 """
 
 PIPELINE_HEADER = """\
@@ -74,7 +74,7 @@ def new(given: argparse.Namespace) -> None:
     if not is_name(name):
         raise InputError(f"{name!r}: {NAME_RULE}")
     if folder.exists() and any(folder.iterdir()):
-        raise InputError(f"{folder}: is there already, and not empty")
+        raise InputError(f"{folder}: already exists and is not empty")
     source = home_path(given.source)
     if not source.exists():
         raise InputError(f"{given.source}: no such file or folder")
@@ -101,7 +101,7 @@ def _entry(given: argparse.Namespace, name: str, source: Path) -> list[str]:
     found = find_out(str(source), given.urdf)
     if found.proposal is None:
         reasons = "; ".join(f"{file}: {why}" for file, why in found.seen.damaged.items())
-        raise InputError(f"{source}: nothing here could be the pose of a hand{reasons and ': '}{reasons}")
+        raise InputError(f"{source}: no stream could be the pose of a hand{reasons and ': '}{reasons}")
     for answer in found.answers:
         print(f"{answer.verdict:12} {answer.question} {answer.number}")
     return as_yaml(found.proposal._replace(name=name))
@@ -126,11 +126,12 @@ def make(given: argparse.Namespace) -> None:
     if not stages:
         raise InputError(f"{project.entry_files()[-1]}: has no task")
     _dvc(Path(), "repro", "--keep-going", *stages)
-    print(f"reports/tasks/{given.task or '*'}/index.html is up to date")
+    names = dict.fromkeys(stage.rpartition("@")[2] for stage in stages)
+    print(*(f"{TaskFiles(name).report}/index.html is up to date" for name in names), sep="\n")
 
 
 def check(given: argparse.Namespace) -> None:
-    """Can the robot of a task do what its skill may ask?"""
+    """Check whether the robot of a task can follow its skill."""
     from structlearn.tasks.movement import check_results
     from structlearn.tasks.task_entry import read_task
 
@@ -148,7 +149,7 @@ def view(given: argparse.Namespace) -> None:
         raise InputError(f"{folder}: no recordings; make them first: structlearn run {given.task}")
     if not given.web and sys.platform == "linux" and not {"DISPLAY", "WAYLAND_DISPLAY"} & set(os.environ):
         raise InputError(
-            f"there is no display to show {folder} on; in a browser: structlearn view {given.task} --web"
+            f"there is no display for {folder}; in a browser: structlearn view {given.task} --web"
         )
     web = ("--serve-web", "--bind", "127.0.0.1") if given.web else ()
     if given.web:
@@ -163,10 +164,10 @@ def export(given: argparse.Namespace) -> None:
 
     files = TaskFiles(given.task)
     if not files.segments.exists():
-        raise InputError(f"{files.segments}: is not there; make it first: structlearn run {given.task}")
+        raise InputError(f"{files.segments}: does not exist; make it first: structlearn run {given.task}")
     target, entry = given.to or Path(given.task), files.entry(MovementEntry)
     if target.exists():
-        raise InputError(f"{target}: is there already")
+        raise InputError(f"{target}: already exists")
     words = given.words or entry.title or files.name
     runs, cuts = files.runs("demonstrations"), files.segmentation()
     count = write_lerobot(runs, cuts, target, words, entry.fit.smoothing_hz, given.fps, given.robot)
@@ -174,19 +175,19 @@ def export(given: argparse.Namespace) -> None:
 
 
 def defaults(given: argparse.Namespace) -> None:
-    """Print what an entry may set, with units and defaults."""
+    """Print the keys of an entry with units and defaults."""
     print(project.defaults_file().read_text(encoding="utf-8"), end="")
 
 
 def inspect(given: argparse.Namespace) -> None:
-    """Say what recordings hold, whether they are fit, and propose an entry."""
+    """Show the contents of recordings and their suitability, and propose an entry."""
     from structlearn.tasks.inspection.recordings_report import inspect as look
 
     look(given.source, given.urdf, given.output)
 
 
 def excite(given: argparse.Namespace) -> None:
-    """Design a motion to identify an arm from, within the limits of its URDF."""
+    """Design an excitation trajectory for an arm, within the limits of its URDF."""
     from structlearn.tasks.motion.excite import design_trajectory
 
     design_trajectory(given.task, given.urdf, given.lock)
@@ -233,10 +234,8 @@ def _arguments(words: list[str] | None) -> argparse.Namespace:
     one = command("new", new)
     one.add_argument("name", help="folder to make; its last part is the task's name")
     one.add_argument("--from", dest="source", required=True, help="a recording, or a folder of them")
-    one.add_argument("--kind", choices=KINDS, default="movement", help="of data (default: movement)")
-    one.add_argument(
-        "--urdf", help="the robot, where poses are computed from joints, or whose arm is identified"
-    )
+    one.add_argument("--kind", choices=KINDS, default="movement", help="kind of data (default: movement)")
+    one.add_argument("--urdf", help="the robot: to compute poses from joints, or to identify")
     one = command("run", make)
     one.add_argument("task", nargs="?", help="default: all")
     one = command("check", check)
@@ -249,7 +248,7 @@ def _arguments(words: list[str] | None) -> argparse.Namespace:
     one.add_argument("--format", choices=["lerobot"], default="lerobot")
     one.add_argument("--to", type=Path, help="folder to make (default: the task's name)")
     one.add_argument("--fps", type=int, help="frames per second (default: those of the task's clock)")
-    one.add_argument("--words", help="what is done, in words (default: the task's title or name)")
+    one.add_argument("--words", help="description of the task (default: the task's title or name)")
     one.add_argument("--robot", help="name of the robot")
     one = command("excite", excite)
     robot = one.add_mutually_exclusive_group(required=True)
@@ -259,7 +258,7 @@ def _arguments(words: list[str] | None) -> argparse.Namespace:
     command("defaults", defaults)
     one = command("inspect", inspect)
     one.add_argument("source", help="a file, a bag, or a folder of them")
-    one.add_argument("--urdf", help="the robot, where poses are computed from joints")
+    one.add_argument("--urdf", help="the robot, to compute poses from joints")
     one.add_argument("--output", type=Path, help="file for the proposed entry")
     return parser.parse_args(words)
 

@@ -49,10 +49,10 @@ METHOD_NAMES = {
     "zvc": "zero-velocity crossing",
     "dtw": "time warping",
     "ls": "least squares",
-    "wls_text": "weighted, as printed",
+    "wls_published": "weighted, as printed",
     "wls": "weighted, with crossings",
 }
-METHOD_COLOURS = {"zvc": GREY, "dtw": OCHRE, "ls": LIGHT_BLUE, "wls_text": PINK, "wls": BLUE}
+METHOD_COLOURS = {"zvc": GREY, "dtw": OCHRE, "ls": LIGHT_BLUE, "wls_published": PINK, "wls": BLUE}
 
 PHASE_PATHS = {
     "nominal": Look("nominal primitive", BLUE),
@@ -65,8 +65,8 @@ PHASE_PATHS = {
 SCENE_WAYS = {
     "none": Look("baseline alone", BLACK),
     "human_inspired": Look("human-inspired (Rai et al.)", OCHRE),
-    "text": Look("17 features, as published", ORANGE),
-    "text_ensemble": Look("17 features, our training", PINK),
+    "published": Look("17 features, as published", ORANGE),
+    "nearest": Look("17 features, our training", PINK),
     "scene": Look("look ahead at the scene", BLUE),
     "planned": Look("planned path, followed", GREEN),
 }

@@ -1,4 +1,4 @@
-"""Record arms on sines: as in the URDF, stand-ins, and with a payload (III.4)."""
+"""Record arms on sines: as in the URDF, perturbed robots, and with a payload (III.4)."""
 
 from functools import partial
 from operator import call
@@ -12,25 +12,25 @@ from structlearn.rigid_body.model_names import IDEAL, ROBOT
 from structlearn.simulation.arm import ArmParameters
 from structlearn.testbeds.dynamics.world.arm_motion import ArmMotionParameters
 from structlearn.testbeds.dynamics.world.joint_logs import (
+    PerturbedRobotParameters,
     RecordMotionParameters,
-    StandInParameters,
     ideal_log,
-    stand_in_log,
+    perturbed_robot_log,
 )
 
 
 def main() -> None:
     parameters = stage_parameters("record_motion", RecordMotionParameters)
     motion = stage_parameters("arm_motion", ArmMotionParameters).used
-    stand_ins = stage_parameters("stand_in", StandInParameters)
+    perturbed = stage_parameters("stand_in", PerturbedRobotParameters)
     arm = stage_parameters("arm", ArmParameters)
     robot = arm.read()
     # the first in this process, which compiles the arm once; otherwise each worker would
     made = {f"{IDEAL}/{IDEAL}": ideal_log(robot, motion)}
     logs = {}
     for seed in stage_parameters("dynamics_robots", Population).test:
-        logs[f"payload/{seed}"] = partial(stand_in_log, robot, stand_ins, seed, motion, parameters.payload)
-        logs[f"{ROBOT}/{seed}"] = partial(stand_in_log, robot, stand_ins, seed, motion)
+        log = partial(perturbed_robot_log, robot, perturbed, seed, motion)
+        logs |= {f"payload/{seed}": partial(log, parameters.payload), f"{ROBOT}/{seed}": log}
     made |= dict(zip(logs, parallel_map(call, logs.values(), "logs"), strict=True))
     with publish("data/raw/dynamics") as folder:
         for name, log in made.items():

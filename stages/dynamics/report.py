@@ -25,18 +25,22 @@ from structlearn.testbeds.dynamics.page.findings import (
 from structlearn.testbeds.dynamics.page.page import dynamics_page
 from structlearn.testbeds.dynamics.protocol.tracking import TrackingParameters
 from structlearn.testbeds.dynamics.protocol.trainings import (
-    TEXT,
+    PUBLISHED,
     DynamicsTrainingParameters,
     OnlineParameters,
 )
 from structlearn.testbeds.dynamics.world.arm_motion import ArmMotionParameters
-from structlearn.testbeds.dynamics.world.joint_logs import RecordMotionParameters, StandInParameters, stand_in
+from structlearn.testbeds.dynamics.world.joint_logs import (
+    PerturbedRobotParameters,
+    RecordMotionParameters,
+    perturbed_mechanics,
+)
 
 PARAMETERS = {
     "arm": ArmParameters,
     "dynamics_robots": Population,
     "arm_motion": ArmMotionParameters,
-    "stand_in": StandInParameters,
+    "stand_in": PerturbedRobotParameters,
     "record_motion": RecordMotionParameters,
     "train_dynamics": DynamicsTrainingParameters,
     "track": TrackingParameters,
@@ -58,8 +62,8 @@ def main() -> None:
     known, friction, residuals = [], [], []
     for name, log in files.read_logs(ROBOT).items():
         seed, motion = int(name), files.as_motion(log, chosen["train_dynamics"].smoothing_hz)
-        true = stand_in(robot.tree, robot.inertias, chosen["stand_in"], seed)
-        learned = files.read_robot_models(seed, FRICTION_MODELS, TEXT)
+        true = perturbed_mechanics(robot.tree, robot.inertias, chosen["stand_in"], seed)
+        learned = files.read_robot_models(seed, FRICTION_MODELS, PUBLISHED)
         known.append(known_errors(robot, true, motion).assign(seed=seed))
         friction.append(friction_table(learned, true).assign(seed=seed))
         if not residuals:

@@ -1,4 +1,4 @@
-"""Track sines and reaches with every model in the controller of arm and stand-ins (tables III.1, III.2)."""
+"""Track sines and reaches with every model in the controllers of all robots (tables III.1 and III.2)."""
 
 from collections.abc import Sequence
 from functools import cache
@@ -14,7 +14,7 @@ from structlearn.simulation.arm import ArmParameters, Mechanics, ideal
 from structlearn.testbeds.dynamics.protocol.tracking import Testbed, TrackingParameters, known, learned, track
 from structlearn.testbeds.dynamics.world.arm_motion import ArmMotionParameters
 from structlearn.testbeds.dynamics.world.controlled_arm import SimulatedArm
-from structlearn.testbeds.dynamics.world.joint_logs import StandInParameters, stand_in
+from structlearn.testbeds.dynamics.world.joint_logs import PerturbedRobotParameters, perturbed_mechanics
 
 MODELS = "data/dynamics/models"
 
@@ -33,9 +33,9 @@ def main() -> None:
 
     seeds = [int(seed) for seed in outcomes[outcomes["arm"] == IDEAL]["seed"].unique()]
     beds = [(testbed(IDEAL, seeds, seeds[0], ideal(robot.inertias)), IDEAL, parameters.models)]
-    stand_ins = stage_parameters("stand_in", StandInParameters)
+    perturbed = stage_parameters("stand_in", PerturbedRobotParameters)
     for seed in robots:
-        mechanics = stand_in(robot.tree, robot.inertias, stand_ins, seed)
+        mechanics = perturbed_mechanics(robot.tree, robot.inertias, perturbed, seed)
         bed = testbed(ROBOT, [seed], robots[0], mechanics)
         beds.append((bed, f"{ROBOT}/{seed}", parameters.models + parameters.robot_models))
     tables = []

@@ -4,7 +4,7 @@ from structlearn.core.artefacts import publish
 from structlearn.core.stage import run, stage_parameters
 from structlearn.simulation.arm import ArmParameters, urdf_path
 from structlearn.testbeds.dynamics import files
-from structlearn.testbeds.dynamics.names import IDEAL, ROBOT, SHOWN_FORM
+from structlearn.testbeds.dynamics.names import IDEAL, ROBOT, SHOWN_TRAINING
 from structlearn.testbeds.dynamics.protocol.tracking import TrackingParameters, tracked_reaches
 from structlearn.testbeds.dynamics.protocol.trainings import DynamicsTrainingParameters
 from structlearn.testbeds.dynamics.views import (
@@ -25,21 +25,21 @@ def main() -> None:
     names = robot.tree.names
     tables = files.read_tables("paths", "scores", "payload")
     reaches = {
-        bed: tracked_reaches(tables["paths"], tables["scores"], bed, SHOWN_FORM, models, names)
+        bed: tracked_reaches(tables["paths"], tables["scores"], bed, SHOWN_TRAINING, models, names)
         for bed, models in ((IDEAL, chosen.models), (ROBOT, chosen.robot_models))
     }
     (seed, log), *_ = files.read_logs(ROBOT).items()
     cutoff_hz = stage_parameters("train_dynamics", DynamicsTrainingParameters).smoothing_hz
     motion, dt = files.as_motion(log, cutoff_hz), files.step_s(log)
-    models = files.read_robot_models(int(seed), chosen.torque_models, SHOWN_FORM)
+    models = files.read_robot_models(int(seed), chosen.torque_models, SHOWN_TRAINING)
     picking_up, *_ = files.read_logs("payload").values()
     learned = tables["payload"][tables["payload"]["seed"] == tables["payload"]["seed"].min()]
     with publish("reports/rerun/dynamics") as folder:
         folder.mkdir()
         write_reaches(folder / "reaches.rrd", urdf, names, reaches[IDEAL], "Dynamics: reaches (simulated)")
-        title = "Dynamics: reaches of the stand-in (simulated)"
+        title = "Dynamics: reaches of the perturbed robot (simulated)"
         write_reaches(folder / "robot_reaches.rrd", urdf, names, reaches[ROBOT], title)
-        title, tool_m = "Dynamics: torques of the stand-in (simulated)", tracking.reaching.tool_m
+        title, tool_m = "Dynamics: torques of the perturbed robot (simulated)", tracking.reaching.tool_m
         write_torques(folder / "torques.rrd", urdf, robot, motion, dt, models, tool_m, chosen, title)
         title, path = "Dynamics: a payload picked up (simulated)", folder / "payload.rrd"
         write_payload(path, urdf, robot.tree, picking_up, learned, carried, chosen, title)

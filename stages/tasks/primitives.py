@@ -27,13 +27,15 @@ def main(files: TaskFiles) -> None:
     with publish(files.folder / "primitives") as folder:
         folder.mkdir()
         write_primitives(primitives, folder / "primitives.safetensors")
-        write_metrics(learning.fit_metrics(errors, own.fit), folder / "metrics.json")
+        fit = learning.fit_metrics(errors, own.fit)
+        write_metrics(fit, folder / "metrics.json")
         if own.traces_hz is not None:
             traces, tables["trace_scores"], tables["traces"] = learning.learn_traces(runs, own.traces_hz)
             for name, primitive in traces.items():
                 path = folder / f"traces/{name}.safetensors"
                 write_vector_primitive(primitive, path, "electrode counts without offset")
         write_tables(tables, folder)
+    print("mean distance from demonstrations:", ", ".join(f"{key} {value:.3g}" for key, value in fit.items()))
 
 
 if __name__ == "__main__":

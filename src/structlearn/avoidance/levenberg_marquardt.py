@@ -46,7 +46,7 @@ VALIDATION_SHARE = 0.15  # for `validation`: of the training demonstrations or b
 SLOW_STEPS, TOLERANCE = 3, 1e-4
 """Training stops after this many consecutive steps that reduce the error by less than this share."""
 
-WEIGHTS, SPLIT, LESSON = 0, 1, 2  # last number of a network's random streams
+WEIGHTS, SPLIT, SEEN = 0, 1, 2  # last number of a network's random streams
 VALIDATION, EVIDENCE = "validation", "evidence"
 FIRST_DECAY = 0.01  # for `evidence`: before the first estimate, relative to the precision
 

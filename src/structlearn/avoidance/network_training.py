@@ -102,11 +102,11 @@ def fit_networks(
     return stacked(means, datasets, parameters)
 
 
-def lesson(
+def member_samples(
     dataset: AvoidanceDataset, parameters: EnsembleParameters, stream: Sequence[int]
 ) -> AvoidanceDataset:
     """Training samples of one ensemble member: displaced demonstrations; `stream` seeds it."""
-    rng = np.random.default_rng([parameters.training.seed, *stream, lm.LESSON])
+    rng = np.random.default_rng([parameters.training.seed, *stream, lm.SEEN])
     which = _demonstrations(dataset)
     chosen = rng.permutation(which.max() + 1)[: parameters.demonstrations]
     seen = dataset.where(np.isin(which, chosen))
@@ -163,10 +163,10 @@ def train_member(
 
 
 def trained(work: tuple[Any, ...]) -> tuple[np.ndarray, ...]:
-    """`train_member`; an ensemble member learns from its `lesson` unless given other samples."""
+    """`train_member`; an ensemble member learns from `member_samples` unless given other samples."""
     dataset, parameters, stream, *seen = work
     if isinstance(parameters, EnsembleParameters) and not seen:
-        seen = [lesson(dataset, parameters, stream)]
+        seen = [member_samples(dataset, parameters, stream)]
     return train_member(dataset, parameters, stream, *seen)
 
 

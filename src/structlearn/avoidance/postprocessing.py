@@ -51,7 +51,7 @@ class PostprocessingParameters(Parameters):
     return_coupling: float = Field(ge=0)
 
 
-TEXT_ONLY = PostprocessingParameters(
+PUBLISHED_ONLY = PostprocessingParameters(
     passed_decay_per_m2=10.0, end_limit_m=None, late_limit_m=None, late_factor=1.5, return_coupling=20.0
 )
 """The dissertation's rules only."""

@@ -10,12 +10,12 @@ import pandas as pd
 from structlearn.avoidance import scene_models
 from structlearn.avoidance.avoidance_dataset import AXES
 from structlearn.avoidance.look_ahead import nearest_distance
-from structlearn.avoidance.scene_models import ENSEMBLE, HUMAN_INSPIRED, NONE, PLANNED, SCENE, TEXT
+from structlearn.avoidance.scene_models import HUMAN_INSPIRED, NEAREST, NONE, PLANNED, PUBLISHED, SCENE
 from structlearn.avoidance.scene_reaches import SceneLearningParameters, SceneReach, reaches_past_obstacles
 from structlearn.core.errors import MissingInputError
 from structlearn.readers.demonstration import Demonstration
 
-MODELS = (HUMAN_INSPIRED, TEXT, ENSEMBLE, SCENE)
+MODELS = (HUMAN_INSPIRED, PUBLISHED, NEAREST, SCENE)
 WAYS = (NONE, *MODELS, PLANNED)  # in the order of tables
 
 SAME_END_M = 0.1  # largest distance between starts, and between goals, of reaches through one scene
@@ -86,10 +86,10 @@ def judge_folds(
     scenes = scene_models.reach_scenes(reaches, parameters)
     person = np.array([reach.person for reach in reaches])
     tests = [np.flatnonzero(np.isin(person, people)).tolist() for people in folds]
-    lessons = [np.flatnonzero(~np.isin(person, people)).tolist() for people in folds]
+    training_parts = [np.flatnonzero(~np.isin(person, people)).tolist() for people in folds]
     scored, errors = [], []
     unrolled: dict[tuple[str, str], np.ndarray] = {}
-    for fold, learned in enumerate(scene_models.learn(reaches, scenes, lessons, parameters)):
+    for fold, learned in enumerate(scene_models.learn(reaches, scenes, training_parts, parameters)):
         own, its = [reaches[place] for place in tests[fold]], scenes.take(tests[fold])
         errors.append(_errors(learned, own, its, parameters).assign(fold=fold))
         for way in WAYS:

@@ -17,7 +17,7 @@ import numpy as np
 from structlearn.avoidance.avoidance_dataset import AvoidanceDataset, concatenated
 from structlearn.avoidance.avoidance_network import averaged
 from structlearn.avoidance.features import MIRROR, MIRROR_SIGNS, CouplingModel, features
-from structlearn.avoidance.levenberg_marquardt import LESSON
+from structlearn.avoidance.levenberg_marquardt import SEEN
 from structlearn.avoidance.look_ahead import CostToGo, cost_to_go, mirror_signs, scene_features
 from structlearn.avoidance.network_training import EnsembleParameters, NetworkParameters, stacked, trained
 from structlearn.avoidance.postprocessing import Deadline, GoalReach, post_processed
@@ -31,10 +31,10 @@ from structlearn.primitives.position import fit_position
 from structlearn.primitives.trajectory import Trajectory
 from structlearn.primitives.vector import VectorPrimitive
 
-NONE, HUMAN_INSPIRED, TEXT = "none", "human_inspired", "text"
-ENSEMBLE, SCENE, PLANNED = "text_ensemble", "scene", "planned"
-"""The baseline alone; Rai et al.; the text's features and network; the text's features with our training; the
-scene's features with the same network and training; the planned path itself."""
+NONE, HUMAN_INSPIRED, PUBLISHED = "none", "human_inspired", "published"
+NEAREST, SCENE, PLANNED = "nearest", "scene", "planned"
+"""The baseline alone; Rai et al.; the published features and network; the same features with our training;
+the scene's features with the same network and training; the planned path itself."""
 
 PLANNED_STEP_M, PLANNED_MOST_M = 0.005, 2.0  # spacing and largest length of a planned path
 TAU = canonical.time_constant(1.0)  # time constant in durations
@@ -101,7 +101,7 @@ def displaced_states(
     states: SceneStates, parameters: EnsembleParameters, stiffness: float, stream: Sequence[int]
 ) -> SceneStates:
     """Training states of one ensemble member: some reaches, each sample as recorded and once displaced."""
-    rng = np.random.default_rng([parameters.training.seed, *stream, LESSON])
+    rng = np.random.default_rng([parameters.training.seed, *stream, SEEN])
     chosen = rng.permutation(np.unique(states.scene))[: parameters.demonstrations]
     seen = states.where(np.isin(states.scene, chosen))
     off, faster = rng.standard_normal((2, len(seen.time), 3))
@@ -127,7 +127,7 @@ def with_mirror_images(dataset: AvoidanceDataset, signs: np.ndarray) -> Avoidanc
 
 
 def samples_of_nearest(states: SceneStates, scenes: Scenes) -> AvoidanceDataset:
-    """States with the text's features of the currently nearest obstacle."""
+    """States with the published features of the currently nearest obstacle."""
     return _samples(states, lambda b, x, v: nearest_seen(x, v, scenes.clouds[b : b + 1])[0])
 
 
@@ -149,7 +149,7 @@ def _samples(states: SceneStates, see: Callable[..., np.ndarray]) -> AvoidanceDa
 def nearest_seen(
     position: np.ndarray, scaled_velocity: np.ndarray, clouds: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray]:
-    """The text's features (B, 17) of the nearest of clouds (B, O, P, 3), and x (B, P) of its points in m.
+    """The published features (B, 17) of the nearest of clouds (B, O, P, 3), and x (B, P) of its points in m.
 
     The clouds of one scene (1, O, P, 3) may serve all states.
     """
@@ -206,14 +206,14 @@ def learn(
 ) -> list[Learned]:
     """Learn from each of several sets of reaches, given by indices; networks train over processes."""
     sets = [
-        _lessons([reaches[place] for place in places], scenes.take(places), number, parameters)
+        _training_sets([reaches[place] for place in places], scenes.take(places), number, parameters)
         for number, places in enumerate(parts)
     ]
     work = [
         (whole, network, (number, member), seen)
         for number, (_, _, networks) in enumerate(sets)
-        for network, whole, lessons in networks.values()
-        for member, seen in enumerate(lessons)
+        for network, whole, by_member in networks.values()
+        for member, seen in enumerate(by_member)
     ]
     layers = iter(parallel_map(trained, work, "networks of reaches through scenes"))
     learned = []
@@ -221,20 +221,20 @@ def learn(
         models: dict[str, CouplingModel] = {
             HUMAN_INSPIRED: fit_human_inspired(nearest.features, nearest.target)
         }
-        for kind, (network, whole, lessons) in networks.items():
-            models[kind] = stacked([averaged([next(layers) for _ in lessons])], [whole], network)
+        for kind, (network, whole, by_member) in networks.items():
+            models[kind] = stacked([averaged([next(layers) for _ in by_member])], [whole], network)
         learned.append(Learned(baseline, models))
     return learned
 
 
-Lessons = tuple[NetworkParameters, AvoidanceDataset, Sequence[AvoidanceDataset]]
+TrainingSets = tuple[NetworkParameters, AvoidanceDataset, Sequence[AvoidanceDataset]]
 """Training parameters of a network, its training samples, and the samples that each member sees."""
 
 
-def _lessons(
+def _training_sets(
     reaches: Sequence[SceneReach], scenes: Scenes, number: int, parameters: SceneLearningParameters
-) -> tuple[VectorPrimitive, AvoidanceDataset, dict[str, Lessons]]:
-    """Baseline, samples with the text's features, and training data by kind of network, for the n-th set."""
+) -> tuple[VectorPrimitive, AvoidanceDataset, dict[str, TrainingSets]]:
+    """Baseline, samples with the published features, and training data by kind of network, of a set."""
     baseline = straight_baseline(reaches, parameters.straight_share)
     states = scene_states([one.path for one in reaches], baseline, parameters.keep_every)
     ensemble, ahead = parameters.network, parameters.look_ahead.ahead_m
@@ -247,9 +247,9 @@ def _lessons(
     signs = mirror_signs(parameters.look_ahead)
     every_near, *near = (with_mirror_images(one, MIRROR_SIGNS) for one in (nearest, *near))
     every_far, *far = (with_mirror_images(one, signs) for one in (scene, *far))
-    networks: dict[str, Lessons] = {
-        TEXT: (parameters.text_network, nearest, [nearest]),
-        ENSEMBLE: (ensemble, every_near, near),
+    networks: dict[str, TrainingSets] = {
+        PUBLISHED: (parameters.text_network, nearest, [nearest]),
+        NEAREST: (ensemble, every_near, near),
         SCENE: (ensemble, every_far, far),
     }
     return baseline, nearest, networks
@@ -290,7 +290,7 @@ Feedback = Callable[[int, np.ndarray, np.ndarray], np.ndarray]
 def _feedback(
     model: CouplingModel, kind: str, scenes: Scenes, parameters: SceneLearningParameters
 ) -> Feedback:
-    """Coupling term of a model, from the scene or from the nearest obstacle with the text's rules."""
+    """Coupling term of a model, from the scene or from the nearest obstacle with the published rules."""
     phase = canonical.phase(np.linspace(0.0, 1.0, parameters.reaches.samples), TAU)
     ahead = parameters.look_ahead.ahead_m
 

@@ -91,7 +91,7 @@ def adapted_covariance(
         ratios = np.sum(weights * deviations**2, axis=0) / np.diag(old)
         scale = np.sqrt(np.maximum(ratios ** (1.0 / parameters.damping), floor))
         return scale[:, None] * old * scale
-    shared = weights.mean(axis=1)  # (K,), exact where the text's average makes them equal
+    shared = weights.mean(axis=1)  # (K,), exact where the published average makes them equal
     white = solve_triangular(root, deviations.T, lower=True, check_finite=False)  # (D, K)
     if parameters.mode == "rescaled":
         ratio = np.sum(white * white * shared) / len(old)

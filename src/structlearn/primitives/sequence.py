@@ -18,7 +18,7 @@ OrientationPrimitive = orientation.QuaternionPrimitive | twist_swing.TwistSwingP
 Path = TypeVar("Path", Trajectory, OrientationTrajectory)
 
 LARGEST_SHORT_WAY = np.radians(160.0)
-"""rad; largest net turn of the text's quaternion primitive, whose logarithm jumps at 180 degrees."""
+"""rad; largest net turn of the published quaternion primitive, whose logarithm jumps at 180 degrees."""
 
 
 @dataclass(frozen=True)

@@ -179,7 +179,7 @@ class Counterpart(Parameters):
     statement: str  # its wording there
     cases: tuple[str, ...] = ()  # default: all
     page: str = "index"  # of that testbed
-    by: Literal["text", "ours"] | None = None  # if the published statement and ours have the same wording
+    by: Literal["published", "ours"] | None = None  # if both statements have the same wording
 
 
 class Margin(Parameters):
@@ -194,7 +194,7 @@ class Claim(Parameters):
 
     statement: str  # a template that may use the page's facts, as may `published` and `note`
     source: str  # section of the dissertation, or the reason for this project's aim
-    by: Literal["text", "ours"] = "text"  # stated by the dissertation, or an aim of this project
+    by: Literal["published", "ours"] = "published"  # stated by the dissertation, or an aim of this project
     evidence: str  # name of the evidence
     test: str | dict[str, str]  # one of `TESTS`, or one by case
     bound: Any = 0.0  # of the test, or one by case
@@ -340,7 +340,7 @@ def in_words(found: Evidence, number_format: str, unit: str = "") -> str:
     return f"{text} {unit}".rstrip()
 
 
-def verdict_counts(judged: Sequence[Judged], by: str = "text") -> dict[str, int]:
+def verdict_counts(judged: Sequence[Judged], by: str = "published") -> dict[str, int]:
     """Number of claims with each verdict, published or ours."""
     found = Counter(one.verdict for one in judged if one.claim.by == by)
     return {word: found[word] for word in VERDICTS}

@@ -138,7 +138,7 @@ class Scribe:
     def verdicts(self) -> Markup:
         """The table of verdicts below their counts; by sets of data if there are several."""
         judged = self._document.judged
-        counts = {by: verdict_counts(judged, by) for by in ("text", "ours")}
+        counts = {by: verdict_counts(judged, by) for by in ("published", "ours")}
         several = any(one.heading for one in judged)
         return (self._parts.verdicts_by_set if several else self._parts.verdicts)(judged, counts, VERDICTS)
 

@@ -145,6 +145,6 @@ def read_claims_of(report: str, folder: Path) -> pd.DataFrame:
 
 def _counts(table: pd.DataFrame) -> dict[str, int]:
     """Number of statements of the dissertation with each verdict."""
-    its = table[table["by"] == "text"]
+    its = table[table["by"] == "published"]
     its = its.drop_duplicates([name for name in ("set", "evidence") if name in table])
     return {word: int((its["verdict_of_all"] == word).sum()) for word in VERDICTS}

@@ -166,7 +166,7 @@ def correspondence_figure(
     _draw_pairs(top, (reference, guess), pairs, best, primitive.axis)
     top.set_title(f"(b) {len(best)} pairs of largest weight")
     curves = {}
-    for method in ("ls", "wls_text", "wls"):
+    for method in ("ls", "wls_published", "wls"):
         segments, names = aligned_segments(
             [reference, guess], segmentation, primitive.name, method, primitive.shown_by
         )
@@ -226,7 +226,7 @@ def alignment_figure(
     for primitive in primitives:
         figures.append(canvas(4.6, PANEL_WIDTH))
         grid = figures[-1].subplots(2, 2, sharex=True, sharey=True)
-        for panel, method in zip(grid.ravel(), ("zvc", "ls", "wls_text", "wls"), strict=True):
+        for panel, method in zip(grid.ravel(), ("zvc", "ls", "wls_published", "wls"), strict=True):
             arguments = (demonstrations, segmentation, primitive.name, method, primitive.shown_by)
             segments, names = aligned_segments(*arguments)
             curves = 1e3 * (segments - segments.mean(axis=1, keepdims=True))
@@ -271,11 +271,11 @@ def noise_figure(
     errors.set_yticks([tick for tick in ticks if 0.7 * low <= tick <= 1.4 * high])
     errors.yaxis.set_major_formatter(StrMethodFormatter("{x:g}"))
     errors.set(title="Mean cut error", ylabel="mean absolute error (ms)")
-    close = [method for method in ("zvc", "ls", "wls_text") if method in set(comparison["method"])]
+    close = [method for method in ("zvc", "ls", "wls_published") if method in set(comparison["method"])]
     halves = comparison.assign(half_ms=comparison["high_ms"] - comparison["difference_ms"])
     _draw_methods(differences, halves, places, "difference_ms", "half_ms", close)
     differences.axhline(0.0, color=METHOD_COLOURS[RESULT], linewidth=1.4)
-    differences.set(title=f"Error more than “{METHOD_NAMES[RESULT]}”", ylabel=f"difference, {pair} (ms)")
+    differences.set(title=f"Error minus that of “{METHOD_NAMES[RESULT]}”", ylabel=f"difference, {pair} (ms)")
     for panel in (errors, differences):
         panel.set_xticks(range(len(levels)), [f"{level:g}" for level in levels])
         panel.set_xlabel(noise)

@@ -141,10 +141,10 @@ def extended(own: pd.DataFrame, study: Study | None, name: str, key: str = "seed
 
 
 def provenance(study: Study) -> str:
-    """`5 cells made by commit a319e1d, cell 13 run again by b9b799a: equal`, in words."""
+    """`5 cells made by commit a319e1d, cell 13 repeated by b9b799a: 70 numbers, equal`, in words."""
     made = study.made
     if not made.cells:
-        return "made by unknown code, not run again"
+        return "made by unknown code, not repeated since"
     by_commit: dict[str, list[str]] = {}
     for cell, origin in made.cells.items():
         by_commit.setdefault(origin.commit, []).append(cell)
@@ -157,13 +157,15 @@ def provenance(study: Study) -> str:
     )
     again = made.check
     if again is None:
-        return f"{words}, not run again"
+        return f"{words}, not repeated since"
     outcome = f"{', '.join(again.different)} differ" if again.different else "equal"
     if not again.exact and not again.different:
         outcome = "equal within 0.1 % on another processor"
-    return f"{words}; cell {again.cell} run again by {again.commit}: {again.compared} numbers, {outcome}"
+    return f"{words}; cell {again.cell} repeated by {again.commit}: {again.compared} numbers, {outcome}"
 
 
 def rests_on(name: str, study: Study | None) -> str:
     """A sentence on the provenance of a study, for the head of a table of verdicts; empty if not run."""
-    return "" if study is None else f"Rows over people rest on the study {name}, {provenance(study)}."
+    return (
+        "" if study is None else f"Verdicts over populations rest on the study {name}, {provenance(study)}."
+    )

@@ -53,7 +53,7 @@ class LearningParameters(Parameters):
     threshold: float = Field(gt=0)
 
 
-class Lesson:
+class TrainingData:
     """A motion to learn from, and the friction terms to learn.
 
     Networks ignore the kinematics; all structures share one regressor, which is made once.
@@ -139,16 +139,16 @@ def loss_weights(loss: Loss, motion: Motion) -> np.ndarray:
 
 
 def learner(
-    kind: Kind, lesson: Lesson, loss: Loss, seeds: Sequence[int], parameters: LearningParameters
+    kind: Kind, data: TrainingData, loss: Loss, seeds: Sequence[int], parameters: LearningParameters
 ) -> Learner:
     """Untrained models of one kind, one per seed."""
-    weights, generators = loss_weights(loss, lesson.motion), [seeded(seed) for seed in seeds]
+    weights, generators = loss_weights(loss, data.motion), [seeded(seed) for seed in seeds]
     if kind in STRUCTURES:
-        regressor = lesson.regressor(kind != "nostr")
+        regressor = data.regressor(kind != "nostr")
         return InertiaLearner(kind, regressor, weights, parameters.structures, generators)
     assert kind in NETWORKS
-    motions, adam, hidden = [lesson.motion], parameters.networks, parameters.hidden
-    return NetworkLearner(kind, motions, lesson.friction, weights[None], adam, hidden, generators)
+    motions, adam, hidden = [data.motion], parameters.networks, parameters.hidden
+    return NetworkLearner(kind, motions, data.friction, weights[None], adam, hidden, generators)
 
 
 def shuffled_epochs(models: Learner, epochs: int) -> Iterator[int]:

@@ -16,7 +16,7 @@ from structlearn.rigid_body.dynamics_models import DynamicsModels, predicted_tor
 from structlearn.rigid_body.dynamics_training import (
     Kind,
     LearningParameters,
-    Lesson,
+    TrainingData,
     learner,
     shuffled_epochs,
 )
@@ -201,8 +201,8 @@ def _learned(
     kind, terms, tree = item[0], FRICTIONS[item[1]], robot.tree
     with one_thread():
         if kind not in STRUCTURES:
-            training, lesson = networks[kind], Lesson(tree, motion, terms)
-            models = learner(kind, lesson, "normalised", range(training.seeds), training.learning)
+            training, data = networks[kind], TrainingData(tree, motion, terms)
+            models = learner(kind, data, "normalised", range(training.seeds), training.learning)
             for _ in shuffled_epochs(models, training.epochs):
                 pass
             return DynamicsModels(kind, tree.names, terms, training.learning.hidden, models.state())

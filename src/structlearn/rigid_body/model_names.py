@@ -2,7 +2,7 @@
 
 from collections.abc import Iterable
 
-IDEAL, ROBOT = "iiwa", "stand_in"
+IDEAL, ROBOT = "iiwa", "perturbed"
 """Arms: equal to its URDF, and robots that differ from their URDF (simulated, or logged by the user)."""
 
 GROUND_TRUTH, DEFAULT = "ground_truth", "default"

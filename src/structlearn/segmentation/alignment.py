@@ -5,9 +5,9 @@
 over the pairs of samples found by dynamic time warping. Pairs at near-zero velocity are ambiguous and
 dropped; pairs with different velocities are probably wrong, and their weight falls exponentially.
 
-Nobody looks at every cut, so poor ones are flagged (`doubts`): the crossing disagrees with the alignment, the
-aligned movement with the reference's, or the choice with what was expected. The bounds lie above all values
-of good cuts of the simulated task, and below those of wrong ones.
+Nobody looks at every cut, so poor ones are flagged (`cut_warnings`): the crossing disagrees with the
+alignment, the aligned movement with the reference's, or the choice with what was expected. The bounds lie
+above all values of good cuts of the simulated task, and below those of wrong ones.
 """
 
 from collections.abc import Iterator, Mapping
@@ -20,9 +20,9 @@ from structlearn.segmentation.crossings import Crossing
 from structlearn.segmentation.dtw import correspondences
 from structlearn.segmentation.parameters import SegmentParameters
 
-METHODS = ("zvc", "dtw", "ls", "wls_text", "wls")
+METHODS = ("zvc", "dtw", "ls", "wls_published", "wls")
 RESULT = "wls"  # method whose cuts are used; the others are kept for comparison
-AS_PRINTED = "wls_text"  # the dissertation's method
+AS_PRINTED = "wls_published"  # the dissertation's method
 
 
 @dataclass(frozen=True)
@@ -84,10 +84,10 @@ def with_crossings(
 
     Departs from the text, whose weights keep only pairs in mid-movement, where two trials of one person
     differ in shape, and extrapolate to the ends, where the cut is made. The crossings are the only
-    correspondences there. A crossing far from the text's alignment is probably false, and its weight is
+    correspondences there. A crossing far from the published alignment is probably false, and its weight is
     multiplied by 1 / (1 + (distance / tolerance)^2).
 
-    `alignment`: the text's, from the pairs (K, 2) with weights (K,). `crossings`: (2, 2) start and end by
+    `alignment`: as published, from the pairs (K, 2) with weights (K,). `crossings`: (2, 2) start and end by
     zero-velocity crossing: reference, guess, in samples. `crossing_weight`: total weight of both crossings at
     distance 0, relative to that of all pairs. `tolerance`: distance in samples that halves the weight.
     """
@@ -148,16 +148,16 @@ def refine(reference: Movement, own: Movement, parameters: SegmentParameters) ->
     )
     ends = np.array([[one.start for one in crossings], [one.end for one in crossings]])
     tolerance = parameters.crossing_tolerance_s / reference.dt
-    text = least_squares(pairs, weights)
+    published = least_squares(pairs, weights)
     alignments = {
         "ls": least_squares(pairs),
-        "wls_text": text,
-        "wls": with_crossings(text, pairs, weights, ends, parameters.crossing_weight, tolerance),
+        "wls_published": published,
+        "wls": with_crossings(published, pairs, weights, ends, parameters.crossing_weight, tolerance),
     }
     return Refined(reference, own, pairs, weights, alignments, len(part) * len(own_part))
 
 
-DOUBT_COLUMNS = ["demonstration", "primitive", "reason", "number"]  # the number is beyond its bound
+WARNING_COLUMNS = ["demonstration", "primitive", "reason", "number"]  # the number is beyond its bound
 
 APART = 0.2
 """Largest distance of an end by crossing from the same end by alignment, over the reference's duration."""
@@ -176,10 +176,10 @@ RESTED_S = 0.35
 """Longest pauses within a primitive, in total; a pause between primitives is longer."""
 
 
-def doubts(
+def cut_warnings(
     demonstration: str, refined: Mapping[str, Refined], reference: bool
 ) -> list[tuple[str, str, str, float]]:
-    """Cut warnings of one demonstration, rows of `DOUBT_COLUMNS`; most demonstrations have none.
+    """Cut warnings of one demonstration, rows of `WARNING_COLUMNS`; most demonstrations have none.
 
     `refined`: by primitive with an axis. `reference`: whether it is the reference, which is not compared.
     """
@@ -201,7 +201,7 @@ def _evidence(one: Refined, reference: bool) -> Iterator[tuple[str, float, float
     if reference:
         return
     duration = max(crossing.end - crossing.start, 1)
-    apart = np.abs(one.ends("zvc") - one.ends("wls_text")).max() / duration
+    apart = np.abs(one.ends("zvc") - one.ends("wls_published")).max() / duration
     yield "crossing and alignment lie apart (durations)", float(apart), APART
     times = np.arange(crossing.start, crossing.end + 1)
     aligned = np.interp(times, times[[0, -1]], one.ends(RESULT))

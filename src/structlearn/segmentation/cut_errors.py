@@ -87,7 +87,7 @@ def downsampling_effect(
     `parameters`: of the segmentation; `downsampling` is replaced. Returns one row per factor: `factor`,
     `work` (cells of the warping tables relative to the first factor; `make bench` times them),
     `mean_shift_ms` and `max_shift_ms` of the cut points against the first factor's, and the largest shift in
-    aligned samples: `shift_samples`, and `shift_samples_text` for weighted least squares as printed.
+    aligned samples: `shift_samples`, and `shift_samples_published` for weighted least squares as printed.
     """
     found = {
         factor: cut(demonstrations, parameters.model_copy(update={"downsampling": factor}))
@@ -102,7 +102,7 @@ def downsampling_effect(
         in_ms, samples = 1e3 * np.array([shift.mean(), shift.max()]), factor * demonstrations[0].dt
         in_samples = shift.max() / samples, as_printed.max() / samples
         rows.append((factor, segmentation.cells / first.cells, *in_ms, *in_samples))
-    columns = ["factor", "work", "mean_shift_ms", "max_shift_ms", "shift_samples", "shift_samples_text"]
+    columns = ["factor", "work", "mean_shift_ms", "max_shift_ms", "shift_samples", "shift_samples_published"]
     return pd.DataFrame(rows, columns=columns)
 
 

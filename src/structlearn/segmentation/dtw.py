@@ -8,7 +8,7 @@ import numpy as np
 from structlearn.core.compilation import numba
 from structlearn.core.signals import standardise, standardise_together
 
-INSERTION, MATCHING, DELETION = 0, 1, 2  # ties are broken in this order, that of the text's ancestors
+INSERTION, MATCHING, DELETION = 0, 1, 2  # ties are broken in this order, that of the published ancestors
 
 
 def correspondences(reference: np.ndarray, guess: np.ndarray, one_scale: bool = False) -> np.ndarray:

@@ -3,8 +3,9 @@
 One demonstration is the reference, cut by zero-velocity crossing. The others are first cut in the same way,
 then refined by alignment with the reference. All estimates are kept for comparison: the crossing alone
 (`zvc`), the samples that time warping assigns to the reference's ends (`dtw`), ordinary (`ls`) and weighted
-(`wls_text`) least squares as printed, and the result, weighted least squares with the crossings as additional
-correspondences (`wls`). Tasks on recorded data replace all crossings by extrapolated onsets (`onsets`).
+(`wls_published`) least squares as printed, and the result, weighted least squares with the crossings as
+additional correspondences (`wls`). Tasks on recorded data replace all crossings by extrapolated onsets
+(`onsets`).
 """
 
 from collections.abc import Sequence
@@ -19,7 +20,7 @@ from structlearn.core.artefacts import publish, read_table, write_table
 from structlearn.core.errors import InputError
 from structlearn.readers.demonstration import Demonstration
 from structlearn.segmentation import alignment
-from structlearn.segmentation.alignment import DOUBT_COLUMNS, METHODS, RESULT, Movement, Refined
+from structlearn.segmentation.alignment import METHODS, RESULT, WARNING_COLUMNS, Movement, Refined
 from structlearn.segmentation.crossings import Crossings, find_crossings
 from structlearn.segmentation.motion_runs import path
 from structlearn.segmentation.parameters import BETWEEN, SegmentParameters
@@ -34,7 +35,7 @@ class Segmentation:
     cuts: pd.DataFrame
     pairs: pd.DataFrame  # one row per correspondence; times since the start of either demonstration
     left_out: pd.DataFrame  # demonstrations that could not be cut
-    doubts: pd.DataFrame  # warnings (`alignment.doubts`)
+    warnings: pd.DataFrame  # of poor cuts (`alignment.cut_warnings`)
     reference: str  # name of the reference demonstration
     cells: int = 0  # total size of the warping tables; not kept on disk
 
@@ -79,7 +80,7 @@ COLUMNS = {
     "cuts": ("demonstration", "primitive", "method", "start_s", "end_s"),
     "pairs": tuple(PAIR_COLUMNS),
     "left_out": ("demonstration", "reason"),
-    "doubts": tuple(DOUBT_COLUMNS),
+    "warnings": tuple(WARNING_COLUMNS),
     "reference": ("reference",),
 }
 """Columns of the tables, by file."""
@@ -102,7 +103,7 @@ def cut(demonstrations: Sequence[Demonstration], parameters: SegmentParameters) 
     place, crossings = find_crossings(demonstrations, parameters)
     reference = demonstrations[place]
     reference_movements = _movements(reference, crossings[place], parameters)
-    cuts, pairs, doubted, left_out, cells = [], [], [], {}, 0
+    cuts, pairs, warnings, left_out, cells = [], [], [], {}, 0
     for demonstration, found in zip(demonstrations, crossings, strict=True):
         try:
             own = demonstration is reference
@@ -115,7 +116,7 @@ def cut(demonstrations: Sequence[Demonstration], parameters: SegmentParameters) 
                     raise InputError(f"{demonstration.name}: primitive '{name}': {error}") from error
             cuts.append(_cut_rows(demonstration, refined, parameters))
             cells += sum(one.cells for one in refined.values())
-            doubted += alignment.doubts(demonstration.name, refined, own)
+            warnings += alignment.cut_warnings(demonstration.name, refined, own)
             if not own:
                 pairs += [_pair_rows(demonstration.name, *one) for one in refined.items()]
         except InputError as error:
@@ -131,7 +132,7 @@ def cut(demonstrations: Sequence[Demonstration], parameters: SegmentParameters) 
         cuts=pd.concat(cuts, ignore_index=True),
         pairs=pd.concat(pairs, ignore_index=True) if pairs else pd.DataFrame(columns=PAIR_COLUMNS),
         left_out=pd.DataFrame(left_out.items(), columns=COLUMNS["left_out"]),
-        doubts=pd.DataFrame(doubted, columns=DOUBT_COLUMNS).astype({"number": float}),
+        warnings=pd.DataFrame(warnings, columns=WARNING_COLUMNS).astype({"number": float}),
         reference=reference.name,
         cells=cells,
     )

@@ -88,7 +88,7 @@ class TouchDataset(TouchSamples):
 
 @dataclass(frozen=True)
 class Chains:
-    """K chains of C successive actions; the text's (s_t-1, a_t-1, s_t, a_t, s_t+1) is a chain of C = 2."""
+    """K chains of C successive actions; the published (s_t-1, a_t-1, s_t, a_t, s_t+1) is a chain of C = 2."""
 
     rows: np.ndarray  # (K, C + 1) rows of the dataset; action c leads from row c to row c + 1
     # (K, C, 6) mean velocity over the step, m/s and rad/s, finger frame at its start; fewer components for a

@@ -134,7 +134,7 @@ def session(
 
 
 def as_recording(take: Take) -> Recording:
-    """A take as seen by motion capture alone; its true segments count from the first pose."""
+    """A take as seen by motion capture alone; true segments are the planned ones, from the first pose on."""
     captured = _captured(take)
     late_s = 1e-9 * float(captured.stamps[0] - _start_ns(take))
     provenance = {
@@ -144,7 +144,7 @@ def as_recording(take: Take) -> Recording:
         "seed": str(take.seed),
         "what": f"an arm is led: {', '.join(take.moves)}",
     }
-    return Recording(take.name, (captured,), take.segments - late_s, provenance)
+    return Recording(take.name, (captured,), take.planned - late_s, provenance)
 
 
 def write_takes(made: Sequence[Take], folder: Path) -> None:

@@ -104,7 +104,7 @@ def read_source(task: SourceParameters, source: str, left_out: LeftOut) -> Any:
 
 
 def _movements(task: MovementEntry, folder: Path, left_out: LeftOut) -> None:
-    """Write `demonstrations`, `executions`, `corrections/SETTING`, `corrected`, `came_in`, `repeats`."""
+    """Write `demonstrations`, `executions`, `corrections/SETTING`, `corrected`, `recordings`, `repeats`."""
     recordings = {"demonstrations": read_source(task, task.source, left_out)}
     if task.feedback is not None:
         recordings["executions"] = read_source(task, task.feedback.executions, left_out)
@@ -124,7 +124,7 @@ def _movements(task: MovementEntry, folder: Path, left_out: LeftOut) -> None:
             runs, repeats = split(runs, task.segment, count)
             write_table(repeats, folder / "repeats.parquet")
         write_runs(runs, folder / f"{name}.parquet")
-    write_table(came_in(recordings), folder / "came_in.parquet")
+    write_table(recording_table(recordings), folder / "recordings.parquet")
 
 
 def _logs(task: MotionParameters, folder: Path, left_out: LeftOut) -> None:
@@ -186,7 +186,7 @@ def _on_clock(
     return runs
 
 
-def came_in(recordings: Mapping[str, list[Recording]]) -> pd.DataFrame:
+def recording_table(recordings: Mapping[str, list[Recording]]) -> pd.DataFrame:
     """Per recording: `set`, `recording`, `duration_s`, `pose_hz`, `largest_gap_ms`, `signals`, `stamps`."""
     rows = []
     for name, one in ((name.replace("/", ", "), one) for name, its in recordings.items() for one in its):

@@ -22,7 +22,7 @@ from structlearn.tasks.touch import skin_section, surface_section, transfer_sect
 
 SECTIONS: dict[str, tuple[Callable[[TaskFiles], Section | None], ...]] = {
     "movement": (
-        cuts_section.came_in_section,
+        cuts_section.recordings_section,
         cuts_section.cuts_section,
         cuts_section.rests_section,
         primitives_section.primitives_section,

@@ -320,12 +320,12 @@ def notes_path(*parts: str) -> str:
 
 def colour_words(colours: dict[str, str]) -> str:
     """A legend in Markdown of meanings by name of the colour."""
-    return "\n".join(f"- {colour}: {meaning}" for colour, meaning in colours.items())
+    return " · ".join(f"**{colour}** {meaning}" for colour, meaning in colours.items())
 
 
 def legend(colours: Mapping[str, str]) -> str:
-    """A legend in Markdown of names with their colours of the palette."""
-    return "\n".join(f"- {COLOUR_NAMES[colour]}: {name}" for name, colour in colours.items())
+    """A legend in Markdown of names with their colours of the palette, in one line: panels are low."""
+    return " · ".join(f"**{COLOUR_NAMES[colour]}** {name}" for name, colour in colours.items())
 
 
 def origin_sentence(runs: Sequence[Demonstration], subject: str = "Everything here is") -> str:

@@ -8,6 +8,8 @@ from collections.abc import Collection, Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any, NamedTuple
 
+import numpy as np
+
 from structlearn.readers.messages import READERS
 from structlearn.readers.source import JointPose
 from structlearn.rigid_body.urdf import moving_joints
@@ -22,6 +24,9 @@ TOUCH = re.compile(r"tactile|biotac|finger|skin|taxel|touch|press", re.IGNORECAS
 # Turn of a hand in degrees while its position rests, above which this may be a primitive; sensors are ten
 # times as accurate.
 TURN_DEG = 3.0
+
+# Distance of a robot's tip from the hand, from which on they are two frames.
+SAME_START_M = 0.005
 
 
 class Proposal(NamedTuple):
@@ -48,11 +53,10 @@ def propose(
         entry["stamps"] = stamps
     number, warnings["segment.primitives"] = _primitives(motion)
     entry["segment"] = {"primitives": number}
-    if seen.urdf is not None and isinstance(source, JointPose):
-        in_urdf = dict(source.joints)
-        known = [in_urdf.get(name, name) for _, joints in seen.arms() for name in joints.names]
-        locked = [joint for joint in moving_joints(local_path(seen.urdf)) if joint not in known]
-        entry["robot"] = {"urdf": from_home(seen.urdf), "tip": source.tip, "locked_joints": locked}
+    for arm in (hand, *others):
+        if seen.urdf is not None and isinstance(arm.source, JointPose):
+            entry["robot"] = _robot(seen, seen.urdf, arm.source)
+            warnings["robot"] = _robot_warnings(hand, arm)
     if seen.damaged:
         warnings["source"] = [f"cannot be read, and has to go: {', '.join(seen.damaged)}"]
     return Proposal(
@@ -121,6 +125,24 @@ def _pose_warnings(seen: SourceSeen, hand: Candidate, others: Sequence[Candidate
     if others:
         ways = [f"{pose_words(one.source)}, which goes {one.travelled:.4g} m" for one in others]
         yield f"also there: {_listed(ways, 3)}"
+
+
+def _robot(seen: SourceSeen, urdf: str, pose: JointPose) -> dict[str, Any]:
+    """The robot whose joints were recorded; joints of the URDF that were not are locked."""
+    in_urdf = dict(pose.joints)
+    known = [in_urdf.get(name, name) for _, joints in seen.arms() for name in joints.names]
+    locked = [joint for joint in moving_joints(local_path(urdf)) if joint not in known]
+    return {"urdf": from_home(urdf), "tip": pose.tip, "locked_joints": locked}
+
+
+def _robot_warnings(hand: Candidate, arm: Candidate) -> list[str]:
+    """Where the robot's tip, by its joints, does not start where the hand does."""
+    both = [(path, arm.paths[name]) for name, path in hand.paths.items() if name in arm.paths]
+    apart = max((float(np.linalg.norm(a.position[0] - b.position[0])) for a, b in both), default=0.0)
+    if apart < SAME_START_M:
+        return []
+    where = f"by its joints the tip starts up to {apart:.3g} m from {pose_words(hand.source)}"
+    return [f"{where}: give `base`, where the robot stands, or `tool`, what it holds"]
 
 
 def _stamps(seen: SourceSeen, read: Sequence[str], hand: Candidate) -> tuple[dict[str, str], list[str]]:

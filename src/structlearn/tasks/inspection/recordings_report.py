@@ -72,7 +72,7 @@ def report(found: Findings) -> Iterator[str]:
         yield from (*_file(file), "")
     yield from (f"{name}: left out: {reason}" for name, reason in seen.damaged.items())
     if found.sources:
-        yield "What may be the pose of the hand (medians over the files); the first is taken"
+        yield "Candidates for the pose of the hand (medians over the files); the first is used"
         rows = [("source", "files", "extent", "way")]
         for one in found.sources:
             sizes = f"{one.extent:.3g} m", f"{one.travelled:.3g} m"
@@ -80,17 +80,17 @@ def report(found: Findings) -> Iterator[str]:
         yield from (*_aligned(rows, range(1, 4)), "")
     if found.motion is not None:
         above = f"above {found.motion.threshold:.2g} m/s, s since the first sample"
-        yield f"Runs of motion {above}; dips up to {BRIDGE_S:g} s are joined, short runs stand in brackets"
+        yield f"Runs of motion {above}; dips up to {BRIDGE_S:g} s are joined, short runs are in brackets"
         its = [(name, f"{len(runs)}", _times(runs)) for name, runs in found.motion.runs.items()]
         yield from (*_aligned(its, (1,)), "")
-    yield "Fit to be learned from?"
+    yield "Suitable for learning?"
     answers = [
         (one.verdict, one.question, one.number, "" if one.verdict == "yes" else one.advice)
         for one in found.answers
     ]
     yield from (*_aligned(answers, ()), "")
     if found.proposal is None:
-        yield "No entry can be proposed: nothing here could be the pose of a hand."
+        yield "No entry can be proposed: no stream could be the pose of a hand."
     else:
         yield from ("To paste below `movement:` in stages/tasks/own.yaml:", "", *as_yaml(found.proposal))
 

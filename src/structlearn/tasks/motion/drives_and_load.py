@@ -144,9 +144,9 @@ def found_gains(drives: pd.DataFrame, parameters: MotionParameters) -> pd.DataFr
     assert own is not None
     moving = _of(drives, names.IN_MOTION, parameters.train)
     measured = _of(drives, names.AT_REST, own.rest).reindex(moving.index)
-    stand_in = pd.Series(own.assumed_gains, dtype=float).map(measured).reindex(moving.index)
-    assumed = measured.isna() & stand_in.notna()
-    found = measured.fillna(stand_in).fillna(moving)
+    substitute = pd.Series(own.assumed_gains, dtype=float).map(measured).reindex(moving.index)
+    assumed = measured.isna() & substitute.notna()
+    found = measured.fillna(substitute).fillna(moving)
     return pd.DataFrame({"found": found, "assumed": assumed, "quoted": own.quoted_gains}).reset_index()
 
 

@@ -27,7 +27,7 @@ from structlearn.rigid_body.dynamics_models import (
 from structlearn.rigid_body.dynamics_training import (
     Kind,
     LearningParameters,
-    Lesson,
+    TrainingData,
     learner,
     shuffled_epochs,
 )
@@ -359,8 +359,8 @@ def _tried(
     terms = FRICTIONS[NETWORKS[kind][-1]]
     errors = []
     with one_thread():
-        lesson, seeds = Lesson(tree, first, terms), range(parameters.choice_seeds)
-        models = learner(kind, lesson, "normalised", seeds, learning)
+        data, seeds = TrainingData(tree, first, terms), range(parameters.choice_seeds)
+        models = learner(kind, data, "normalised", seeds, learning)
         for epoch in shuffled_epochs(models, max(parameters.epochs)):
             if epoch in parameters.epochs:
                 learned = DynamicsModels(kind, tree.names, terms, learning.hidden, models.state())

@@ -45,7 +45,7 @@ def motion_figures(results: MotionResults) -> dict[str, Drawing | Sequence[Drawi
 @styled
 def errors_panel(results: MotionResults) -> Figure:
     """NMSE over the joints by model; intervals for the model written as a URDF."""
-    figure, axes = panel("Motion not learned from", 3.5, xlabel="joint", ylabel="NMSE", yscale="log")
+    figure, axes = panel("Held-out motion", 3.5, xlabel="joint", ylabel="NMSE", yscale="log")
     for key, look in LOOKS.items():
         if key in results.test.index and (key[0] != BOUNDS or key == results.bounds):
             style: dict[str, Any] = {"marker": "o", "markersize": 4, "color": look.colour, "label": look.name}
@@ -78,14 +78,14 @@ def load_panel(results: MotionResults, log: str) -> Figure:
     """Estimated mass in the hand over time, while the arm moves."""
     load = results.parameters.load
     assert load is not None
-    title = f"Log {results.carried_logs.index(log) + 1}: the load found over time"
+    title = f"Log {results.carried_logs.index(log) + 1}: estimated load over time"
     figure, axes = panel(title, 3.6, xlabel="time (s)", ylabel="mass in the hand (kg)")
     its, true = chosen(results["carried"], log=log), load.known_kg
     top = 1.25 * max(true, its["mass_kg"].max())
     for stage, part in its.groupby("stage", sort=False):
-        words, ground = STAGES[stage]
+        words, background = STAGES[stage]
         start, end = part["time_s"].iloc[0] - part["since_s"].iloc[0], part["time_s"].iloc[-1]
-        axes.axvspan(start, end, color=ground, alpha=0.6, linewidth=0)
+        axes.axvspan(start, end, color=background, alpha=0.6, linewidth=0)
         axes.text(0.5 * (start + end), 0.97 * top, words, ha="center", va="top", fontsize=8)
         if stage == CARRYING:
             axes.fill_between([start, end], 0.95 * true, 1.05 * true, color=GREY, alpha=0.35, linewidth=0)
@@ -102,7 +102,7 @@ def load_panel(results: MotionResults, log: str) -> Figure:
 def delay_panel(results: MotionResults) -> Figure:
     """Residual torque of each joint over the assumed delay of its current."""
     labels = {"xlabel": "delay assumed (ms)", "ylabel": "squares / least"}
-    figure, axes = panel("How late the currents are", 3.4, **labels)
+    figure, axes = panel("Delay of the currents", 3.4, **labels)
     its = chosen(results["delay_curves"], log=results.train_log)
     for colour, (joint, curve) in zip(CATEGORICAL_COLOURS, its.groupby("joint"), strict=False):
         axes.plot(1e3 * curve["delay_s"], curve["squares"], color=colour, label=f"joint {joint}")
@@ -115,7 +115,7 @@ def delay_panel(results: MotionResults) -> Figure:
 def parts_panel(parts: pd.DataFrame, published: Mapping[str, float]) -> Figure:
     """Errors of all trainings by part, with the published ones."""
     labels = {"ylabel": "squared error", "yscale": "log"}
-    figure, axes = panel("Characters not learned from", 3.5, **labels)
+    figure, axes = panel("Held-out characters", 3.5, **labels)
     places = np.arange(len(published))
     for shift, (model, look) in zip((-0.2, 0.0, 0.2), PART_LOOKS.items(), strict=True):
         its = parts[parts["model"] == model]

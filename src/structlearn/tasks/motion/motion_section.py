@@ -56,7 +56,7 @@ def section(files: TaskFiles) -> Section:
     if not parameters.structures:
         return Section(
             "motion",
-            "Torques beside the URDF",
+            "Torques compared with the URDF",
             "torque_check.html.jinja",
             lead="torque_check_lead.html.jinja",
             facts={"origin": first.provenance},
@@ -98,7 +98,7 @@ def motion_facts(results: MotionResults) -> dict[str, Any]:
         "condition": excitation["condition"],
         "base_parameters": int(excitation["parameters"]),
         "unsure": len(results["base"].query("low < 0 < high")),
-        "doubted": [
+        "lacks_gravity": [
             name for word in ("no", "doubtful") for name in chosen(results["gravity"], holds=word)["name"]
         ],
         "networks": [
@@ -110,9 +110,9 @@ def motion_facts(results: MotionResults) -> dict[str, Any]:
         "carried": {log: results.carried(log)[1].evidence() for log in results.carried_logs},
     }
     if "gains" in results and results.parameters.drives is not None:
-        gains, stand_in = results["gains"].set_index("joint"), results.parameters.drives.assumed_gains
+        gains, substitutes = results["gains"].set_index("joint"), results.parameters.drives.assumed_gains
         facts["gain_factors"] = gains["quoted"] / gains["found"]
-        facts["stand_in"] = {joint: stand_in[joint] for joint in gains.index[gains["assumed"]]}
+        facts["substitutes"] = {joint: substitutes[joint] for joint in gains.index[gains["assumed"]]}
         facts["rest_log"] = results.rest_log()
     if results.carried_logs:
         facts["largest_empty_kg"] = chosen(results["carried"], stage=names.EMPTY)["mass_kg"].abs().max()

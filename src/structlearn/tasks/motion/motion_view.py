@@ -67,14 +67,14 @@ def _blueprint(reach: float) -> rrb.Blueprint:
 
 def _notes(load: LoadParameters) -> str:
     colours = {
-        "the load, at the centre that least squares find, joined to the flange": ORANGE,
+        "the load at its centre by least squares, joined to the flange": ORANGE,
         f"its published mass, {load.known_kg:g} kg (wide)": REFERENCE,
-        "what is learned online of the last link (Cov), and its error": FOUND,
-        "error of the empty arm's model": EMPTY,
+        "online estimate of the last link (Cov), and its error": FOUND,
+        "error of the model of the empty arm": EMPTY,
     }
     return (
         "### A recorded arm with a load at its flange\n\nThe arm was identified on a motion without the "
-        "load; sticks join its joints. What is older than "
-        f"{load.memory_s:g} s counts half.\n\n{legend(colours)}\n\n"
+        "load; sticks join its joints. Samples older than "
+        f"{load.memory_s:g} s have half the weight.\n\n{legend(colours)}\n\n"
         "First moment of the mass: x orange, y green, z blue.\n"
     )

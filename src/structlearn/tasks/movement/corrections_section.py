@@ -142,7 +142,7 @@ def phase_section(files: TaskFiles) -> Section | None:
     in_order = pd.DataFrame(by_axis).loc[AXES].reset_index()
     return Section(
         "corrections",
-        "Corrections over phase alone",
+        "Corrections over the phase",
         facts=values
         | {
             "incomplete": int((~ends["complete"]).sum()),
@@ -167,7 +167,7 @@ def phase_section(files: TaskFiles) -> Section | None:
 @styled
 def corrected_panel(paths: pd.DataFrame, primitive: PosePrimitive, segments: list[Segment]) -> Figure:
     """Side view: left-out corrected runs, and the primitive without and with coupling."""
-    figure, axes = panel("Runs, and corrected ones", 3.5, xlabel="forward (mm)", ylabel="up (mm)")
+    figure, axes = panel("Runs and corrected runs", 3.5, xlabel="forward (mm)", ylabel="up (mm)")
     for number, (position, _) in enumerate(segments):
         local = in_local_frame(position, primitive.position.frame).position
         path = 1e3 * signals.time_normalised(local, SAMPLES)
@@ -187,7 +187,7 @@ def corrected_panel(paths: pd.DataFrame, primitive: PosePrimitive, segments: lis
 @styled
 def profile_panel(profile: pd.DataFrame) -> Figure:
     """Mean distance from the left-out corrected runs over time."""
-    figure, axes = panel("From the runs left out", xlabel="time / duration", ylabel="distance (mm)")
+    figure, axes = panel("Distance from held-out runs", xlabel="time / duration", ylabel="distance (mm)")
     profile = profile.iloc[::5]
     for kind, line in (("nominal", "-"), ("coupling", "-"), ("spread", "--")):
         look = palette.PHASE_PATHS[kind]

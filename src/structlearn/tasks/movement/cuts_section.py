@@ -27,16 +27,16 @@ from structlearn.tasks.task_files import TaskFiles
 DRAWN = 12  # most demonstrations whose speed is drawn, flagged ones first
 ENDS = ["start_s", "end_s"]
 CASES = {  # claims about cuts of movements between rests: pairs of methods to compare
-    "printed_over_crossing": ("zvc", "wls_text"),
-    "printed_over_least_squares": ("ls", "wls_text"),
+    "printed_over_crossing": ("zvc", "wls_published"),
+    "printed_over_least_squares": ("ls", "wls_published"),
     "ours_over_crossing": ("zvc", "wls"),
     "ours_over_warping": ("dtw", "wls"),
 }
 
 
-def came_in_section(files: TaskFiles) -> Section:
+def recordings_section(files: TaskFiles) -> Section:
     """Section on the sets of recordings: files, rates and gaps."""
-    table, clock = files.table("recorded/came_in"), files.entry(MovementEntry).clock
+    table, clock = files.table("recorded/recordings"), files.entry(MovementEntry).clock
     sets = table.groupby("set", sort=False).agg(
         files=("recording", "size"),
         shortest_s=("duration_s", "min"),
@@ -53,14 +53,14 @@ def came_in_section(files: TaskFiles) -> Section:
         repeats = files.table("recorded/repeats")
         tables["repeats"] = shown(repeats.rename(columns=words), **dict.fromkeys(ENDS, ".2f"))
         facts |= {"repeats": len(repeats), "repeated": repeats["recording"].nunique()}
-    return Section("came_in", "What came in", facts=facts, tables=tables)
+    return Section("recorded", "Recordings", facts=facts, tables=tables)
 
 
 def cuts_section(files: TaskFiles) -> Section:
     """Section on where each primitive lies in each demonstration."""
     own, segmentation = files.entry(MovementEntry), files.segmentation()
     demonstrations = files.runs("demonstrations")
-    by_name, flagged = {one.name: one for one in demonstrations}, set(segmentation.doubts["demonstration"])
+    by_name, flagged = {one.name: one for one in demonstrations}, set(segmentation.warnings["demonstration"])
     cut = [name for name in by_name if name in set(segmentation.cuts["demonstration"])]
     drawn = sorted(cut, key=lambda name: name not in flagged)[:DRAWN] if own.given is None else []
     points = pd.concat([segmentation.result(name).reset_index() for name in segmentation.primitives])
@@ -72,15 +72,15 @@ def cuts_section(files: TaskFiles) -> Section:
         "reference": segmentation.reference,
         "onsets": own.segment is not None and own.segment.at_onsets,
         "left_out": len(segmentation.left_out),
-        "doubts": len(segmentation.doubts),
-        "doubtful": [name for name in cut if name in flagged],
+        "warnings": len(segmentation.warnings),
+        "flagged": [name for name in cut if name in flagged],
         "kept": own.keep_doubtful,
         "true": any(one.true_segments is not None for one in demonstrations),
     }
     tables = {
         "lengths": shown(primitive_lengths(by_name, segmentation), way_mm=".0f"),
         "left_out": Table(segmentation.left_out),
-        "doubts": Table(segmentation.doubts, {"number": ".2f"}),
+        "warnings": Table(segmentation.warnings, {"number": ".2f"}),
     }
     if own.given is None:  # quality of each demonstration, best first; outliers are highlighted
         made = quality(demonstrations, segmentation.results, own.fit.smoothing_hz)
@@ -96,7 +96,7 @@ def cuts_section(files: TaskFiles) -> Section:
         "cuts",
         "Cuts",
         facts=facts,
-        find=Findings.of_metrics(metrics, ("cuts_demonstrations", "cuts_doubtful")),
+        find=Findings.of_metrics(metrics, ("cuts_demonstrations", "cuts_warnings")),
         tables=tables,
         pictures={"cuts": [speed_panel(by_name[name], segmentation) for name in drawn]} if drawn else {},
     )

@@ -34,7 +34,7 @@ from structlearn.primitives.vector import (
     without_offset,
 )
 from structlearn.readers.demonstration import Demonstration
-from structlearn.segmentation.alignment import DOUBT_COLUMNS, RESULT
+from structlearn.segmentation.alignment import RESULT, WARNING_COLUMNS
 from structlearn.segmentation.cut_errors import between_dwells, cut_errors, mean_cut_errors_ms
 from structlearn.segmentation.parameters import SegmentParameters
 from structlearn.segmentation.segments import PAIR_COLUMNS, Segmentation, cut
@@ -56,7 +56,7 @@ def segmented(
         cuts=pd.DataFrame(its | {"start_s": 0.0, "end_s": [float(one.time[-1]) for one in runs]}),
         pairs=pd.DataFrame(columns=PAIR_COLUMNS),
         left_out=pd.DataFrame(columns=["demonstration", "reason"]),
-        doubts=pd.DataFrame(columns=DOUBT_COLUMNS).astype({"number": float}),
+        warnings=pd.DataFrame(columns=WARNING_COLUMNS).astype({"number": float}),
         reference=runs[0].name,
     )
 
@@ -66,10 +66,10 @@ def learned_cuts(segmentation: Segmentation, keep_doubtful: bool) -> dict[str, p
 
     Raises InputError: all have one.
     """
-    doubtful = [] if keep_doubtful else segmentation.doubts["demonstration"].unique()
-    found = {name: cuts[~cuts.index.isin(doubtful)] for name, cuts in segmentation.results.items()}
+    flagged = [] if keep_doubtful else segmentation.warnings["demonstration"].unique()
+    found = {name: cuts[~cuts.index.isin(flagged)] for name, cuts in segmentation.results.items()}
     if not all(len(cuts) for cuts in found.values()):
-        reason = segmentation.doubts["reason"].iloc[0]
+        reason = segmentation.warnings["reason"].iloc[0]
         raise InputError(
             f"no demonstration is without a cut warning ({reason}); `keep_doubtful: true` learns from all"
         )
@@ -81,7 +81,7 @@ def cut_metrics(runs: Sequence[Demonstration], segmentation: Segmentation) -> Me
     found: Metrics = {
         "cuts_demonstrations": segmentation.cuts["demonstration"].nunique(),
         "cuts_left_out": len(segmentation.left_out),
-        "cuts_doubtful": len(segmentation.doubts),
+        "cuts_warnings": len(segmentation.warnings),
     }
     for name, cuts in segmentation.results.items():
         found[f"cuts_{name}_mean_s"] = float((cuts["end_s"] - cuts["start_s"]).mean())

@@ -30,7 +30,7 @@ from structlearn.viewer.recorded_demonstrations import write_demonstrations
 from structlearn.viewer.rrd import entity, legend, rgba
 
 DEMONSTRATED = (
-    "Coloured by the primitive that they were cut into, white outside; each has a tab with its signals."
+    "Colours show the primitives, white is outside of them; each demonstration has a tab with its signals."
 )
 LEARNED = """Thick: the primitives in turn, from and to the mean start and goals (nominal) and others
 (generalised); faint: demonstrations."""

@@ -15,7 +15,7 @@ from structlearn.viewer.rrd import entity, rgba
 LOOKS = {"recorded": Look("recorded", DEMONSTRATION_COLOUR)} | {
     way: Look(look.name, LIGHT_GREY if look.colour == BLACK else look.colour)  # the viewer's ground is black
     for way, look in SCENE_WAYS.items()
-    if way in ("none", "text", "scene", "planned")  # all six would hide each other
+    if way in ("none", "published", "scene", "planned")  # all six would hide each other
 }
 
 # from the middle of a scene to the eye: behind the person, from above, so that gaps are visible
@@ -24,8 +24,8 @@ EXTENT, PLACE = ["width_m", "depth_m", "height_m"], ["x_m", "y_m", "z_m"]
 
 
 NOTE = (
-    "Obstacles and the hand called *recorded* were recorded. The other hands are computed: models that "
-    "learned from other people move them through this scene, in the time that the person took. Obstacles are "
+    "The obstacles and the hand called *recorded* are recordings. The other hands are computed: models "
+    "trained on other people move them through this scene, with the duration of this person. Obstacles are "
     "filled, walls are outlined; a square of the floor is 0.1 m wide."
 )
 

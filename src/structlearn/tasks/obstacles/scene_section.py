@@ -18,10 +18,10 @@ from structlearn.tasks.section import Section
 from structlearn.tasks.task_entry import ObstacleEntry
 from structlearn.tasks.task_files import TaskFiles
 
-# ways of `avoidance.scene_folds`, as text, since drawing does not import what learns
-RECORDED, OURS, TEXT, NONE, PLANNED = "recorded", "scene", "text", "none", "planned"
+# ways of `avoidance.scene_folds`, as strings, since drawing does not import what learns
+RECORDED, OURS, PUBLISHED, NONE, PLANNED = "recorded", "scene", "published", "none", "planned"
 LOOKS = {RECORDED: Look("recorded", DEMONSTRATION_COLOUR)} | SCENE_WAYS
-WIDTHS = {RECORDED: 3.5, NONE: 1.0, TEXT: 1.3, OURS: 1.8, PLANNED: 1.0}  # of the lines of ways drawn
+WIDTHS = {RECORDED: 3.5, NONE: 1.0, PUBLISHED: 1.3, OURS: 1.8, PLANNED: 1.0}  # of the lines of ways drawn
 TABLES = ("reaches", "errors", "people", "left_out", "paths", "shapes")  # of `SceneResults`
 FIRST = 2  # panels of paths in view; the others are folded
 FEWEST = 20  # reaches, below which the page says that they are few
@@ -90,15 +90,15 @@ def scene_findings(found: SceneWays) -> Findings:
     find.add("hits_blocked", found.share("hit", blocked=True))
     for way in found.ways:
         if way != OURS:
-            find.add(f"{way}_hits", found.share("hit", way), headline=way == TEXT)
+            find.add(f"{way}_hits", found.share("hit", way), headline=way == PUBLISHED)
     for name, *pair in (
-        ("text_hits_fewer", NONE, TEXT),
-        ("text_hits_fewer_than_rai", "human_inspired", TEXT),
-        ("features_alone", "text_ensemble", OURS),
+        ("published_hits_fewer", NONE, PUBLISHED),
+        ("published_hits_fewer_than_rai", "human_inspired", PUBLISHED),
+        ("features_alone", "nearest", OURS),
     ):
         find.rate_difference(name, *(found.by_person(way, "hit") for way in pair), unit="%")
     find.exact("goal", its["left_mm"].max(), len(its), unit="mm")
-    find.exact("text_goal", found.of(TEXT)["left_mm"].max(), len(its), unit="mm")
+    find.exact("published_goal", found.of(PUBLISHED)["left_mm"].max(), len(its), unit="mm")
     ours, planned = (found.by_person(way, "path_mm") for way in (OURS, PLANNED))
     find.mean("path", ours, unit="mm", headline=True)
     find.mean("planned_path", planned, unit="mm")

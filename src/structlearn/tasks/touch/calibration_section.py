@@ -225,7 +225,7 @@ def sets_panel(table: pd.DataFrame, title: str, ticks: Sequence[float], **labels
 def components_panel(components: pd.DataFrame, variance: float) -> Figure:
     """Variance left after some principal components of a finger, in all sets."""
     figure, axes = panel("Dimensions of the movement", yscale="log", ylim=(1e-5, 1.3))
-    axes.set(xlabel="principal components of a finger", ylabel="share of variance left")
+    axes.set(xlabel="principal components of a finger", ylabel="share of variance unexplained")
     for group, its in components.groupby("group", sort=False):
         colour = WORLDS[group]
         axes.plot(its["components"], its["left"], label=group, color=colour, marker="o", markersize=3.5)

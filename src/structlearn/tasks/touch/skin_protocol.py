@@ -20,7 +20,7 @@ from structlearn.tactile.servo_controller import Caution, RestingServo, ServoPar
 from structlearn.tasks.touch.skin_force import force_errors
 from structlearn.tasks.touch.skin_readings import place_errors, within_runs
 from structlearn.tasks.touch.skin_touches import NEVER_VARIES, Touches, folds_of, gathered, learn_skin
-from structlearn.tasks.touch.touch_names import CORRECTED, PLAIN, STRUCTURED, TEXT_SERVO
+from structlearn.tasks.touch.touch_names import CORRECTED, PLAIN, PUBLISHED_SERVO, STRUCTURED
 from structlearn.tasks.touch.touch_parameters import TouchParameters
 
 SPREAD = 0.5  # of likely actions, over which the corrected controller takes slopes
@@ -137,7 +137,7 @@ def controllers(
     """Structure, name and controller of all that are compared."""
     chosen = parameters.servo
     assert chosen is not None
-    compared: list[tuple[str, InverseModel]] = [*((one, one) for one in TEXT_SERVO), (CORRECTED, "NJ")]
+    compared: list[tuple[str, InverseModel]] = [*((one, one) for one in PUBLISHED_SERVO), (CORRECTED, "NJ")]
     caution = Caution(by_likelihood=True, spread=SPREAD, correction=chosen.correction)
     for structure in STRUCTURES:
         for name, inverse in compared:

@@ -24,10 +24,10 @@ from structlearn.tasks.touch.touch_names import (
     PLAIN,
     PRESSURE,
     PROCESS,
+    PUBLISHED_SERVO,
     QUADRATIC,
     SPACES,
     STRUCTURED,
-    TEXT_SERVO,
     shown_map,
 )
 from structlearn.tasks.touch.touch_parameters import PublishedParameters, TouchParameters
@@ -38,7 +38,7 @@ Tables = Mapping[str, pd.DataFrame]
 ENDINGS = {STRUCTURED: "", PLAIN: "_plain", COMPONENTS: "_components", PROCESS: "_process"}
 ERRORS = {
     "map_nmse": "map, NMSE",
-    "laid_mm": "map laid down (mm)",
+    "laid_mm": "map placed on the skin (mm)",
     "latent_mm": "place read (mm)",
     "pressure_nmse": "pressure, NMSE",
     "depth_nmse": "depth, NMSE",
@@ -49,7 +49,7 @@ HEADINGS = ERRORS | {
     "learned_from": "learned from",
     "asked_about": "tested on",
     "left_mm": "left (mm)",
-    "length_ratio": "way, over the straight one",
+    "length_ratio": "path length over the straight path",
     "rms_n": "RMS, mean over presses (N)",
     "worst_n": "largest (N)",
     "signals_s": "channels lag (s)",
@@ -171,7 +171,7 @@ def find_skin(runs: SkinRuns) -> Findings:
     rows["force_new_presses_n"] = runs.force(NEW_PRESSES)
     rows["force_n_process"] = runs.force(NEW_RUN, PROCESS)
     rows["force_n_pressure"] = runs.force(NEW_RUN, PRESSURE)
-    for name, controllers in (("servo_structure", TEXT_SERVO), ("servo_structure_ours", (CORRECTED,))):
+    for name, controllers in (("servo_structure", PUBLISHED_SERVO), ("servo_structure_ours", (CORRECTED,))):
         ours, rival = (runs.trials("arrived", model, controllers) for model in (STRUCTURED, PLAIN))
         rows[name] = (ours - rival).dropna()
     rows["servo_success"] = runs.trials("arrived", STRUCTURED)
@@ -273,7 +273,7 @@ def skin_map(runs: SkinRuns) -> list[Raster]:
     if "maps" not in runs.tables:
         maps = runs.tables["map"]
         extent = 0.1e3 * np.ptp(maps[["x_m", "y_m"]], axis=0).max()
-        return map_panels(maps, ("Where touches were", "Where they lie in the map"), 4.4, extent)
+        return map_panels(maps, ("Where touches were", "Positions in the map"), 4.4, extent)
     maps = shown_map(runs.tables["maps"], runs.tuned_on)
     learned, asked = (runs.numbers[maps[column].iloc[0]] for column in KEYS)
     titles = f"The skin: where {asked} pressed it", f"Its map, learned from {learned}"
@@ -287,7 +287,7 @@ def errors_panel(runs: SkinRuns) -> list[Figure]:
     figures, apart = [], len(SPACES) + 1
     for error, title, label in (
         ("map_nmse", "Distances on the map", "NMSE"),
-        ("latent_mm", "Place of the press", "median error (mm)"),
+        ("latent_mm", "Position of the press", "median error (mm)"),
     ):
         figure, axes = panel(title, ylabel=label, yscale="log" if error == "map_nmse" else "linear")
         for place, (model, look) in enumerate(SPACES.items()):
@@ -333,6 +333,6 @@ def force_panel(runs: SkinRuns) -> list[Figure]:
         its = its[its["time_s"] - its["time_s"].iloc[0] < STROKES_S].iloc[::2]
         figure, axes = panel(f"{first.capitalize()} {ARROW} {second}", xlabel="time (s)", ylabel="force (N)")
         axes.plot(its["time_s"], its["force_n"], color=GREY, linewidth=2.4, label="scale")
-        axes.plot(its["time_s"], its["read_n"], color=BLUE, linewidth=1.1, label="read off the skin")
+        axes.plot(its["time_s"], its["read_n"], color=BLUE, linewidth=1.1, label="estimated from the skin")
         figures.append(legend(figure))
     return figures

@@ -31,7 +31,7 @@ NEW_TRIALS, NEW_MATERIAL, NEW_SET = "new trials", "new material", "new set"
 OWN_UNITS = "new material, standardised by itself"
 
 # controllers: the dissertation's, and ours that rests where it is and corrects its model
-TEXT_SERVO: tuple[Literal["LL", "NG", "NJ"], ...] = ("LL", "NG", "NJ")
+PUBLISHED_SERVO: tuple[Literal["LL", "NG", "NJ"], ...] = ("LL", "NG", "NJ")
 CORRECTED = "NJ, corrected"
 
 # sets of touches; `MAGNITUDES` are only the sizes of the changes, as published for the slides

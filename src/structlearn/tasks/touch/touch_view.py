@@ -34,14 +34,14 @@ PRESS_MM, PROBE_MM, MARGIN_MM = 0.3, 0.7, 2.5  # radii of dots; about the plate
 TRIALS = 12  # paths that follow each other, one step a second
 IN_FRONT = 30.0  # order of drawing
 
-NOTE = f"""A probe pressed a skin at known places; all of it is recorded. A press has the same colour on the
-plate and in the latent map, which was learned from another run and is only turned and shifted onto the plate.
+NOTE = f"""A probe pressed a skin at known positions; everything is recorded. A press has the same colour on
+the plate and in the latent map, which was learned from another run and is only rotated and shifted onto it.
 
 Over time, on the plate: servoing on the table of recorded presses, from one press to the readings of another,
 a step a second, one path after the other. Below: the force on a scale at one place, and what is read off the
 skin by another run.
 
-{legend({"probe": LIGHT_GREY, "its target": GREY, "scale": ORANGE, "read off the skin": BLUE})}"""
+{legend({"probe": LIGHT_GREY, "its target": GREY, "scale": ORANGE, "estimated from the skin": BLUE})}"""
 
 
 def write_skin(path: Path, tables: Mapping[str, pd.DataFrame], tuned_on: tuple[str, ...]) -> None:
@@ -86,7 +86,7 @@ def _send_maps(stream: rr.RecordingStream, maps: pd.DataFrame, paths: pd.DataFra
 
 def _send_forces(stream: rr.RecordingStream, traces: pd.DataFrame) -> None:
     its = of_pair(traces, traces)
-    for name, column, colour in (("scale", "force_n", ORANGE), ("read off the skin", "read_n", BLUE)):
+    for name, column, colour in (("scale", "force_n", ORANGE), ("estimated from the skin", "read_n", BLUE)):
         path, time = entity("force", name), its["time_s"].to_numpy()
         send_curve(stream, path, time, its[column].to_numpy(), name, colour)
 

@@ -21,7 +21,7 @@ from structlearn.tasks.touch.touch_parameters import TouchParameters
 
 Tables = Mapping[str, pd.DataFrame]
 
-TEXT_NMSE = 0.25  # bound of the claims, drawn as a dashed line
+PUBLISHED_NMSE = 0.25  # bound of the claims, drawn as a dashed line
 MODELS = (STRUCTURED, names.PLAIN, COMPONENTS)
 KEYS = ["learned_from", "asked_about", "new", "model"]
 
@@ -164,7 +164,7 @@ def touch_panel(scores: pd.DataFrame, carried: bool) -> Figure:
         bars = [np.minimum(std, 0.9 * middle), std]  # a logarithmic axis has no zero
         places = np.arange(len(asked)) + 0.22 * offset
         axes.errorbar(middle, places, xerr=bars, fmt="o", markersize=5, color=look.colour, label=look.name)
-    axes.axvline(TEXT_NMSE, color=BLACK, linestyle="--", linewidth=1.0)
+    axes.axvline(PUBLISHED_NMSE, color=BLACK, linestyle="--", linewidth=1.0)
     axes.axvline(1.0, color=BLACK, linewidth=1.0)
     axes.set_xticks([0.03, 0.1, 0.3, 1, 3], ["0.03", "0.1", "0.3", "1", "3"])
     axes.minorticks_off()

@@ -8,13 +8,13 @@ from typing import Any
 
 from structlearn.palette import BLUE, GREEN, GREY, LIGHT_BLUE, OCHRE, ORANGE, PINK, WHITE
 from structlearn.rigid_body.model_names import COULOMB, DEFAULT, GROUND_TRUTH, IDEAL, ROBOT
-from structlearn.testbeds.dynamics.protocol.trainings import OURS, TEXT
+from structlearn.testbeds.dynamics.protocol.trainings import OURS, PUBLISHED
 
 SINE, REACH = "sine", "reach"  # tasks
-SHOWN_FORM = OURS  # form of the models whose reaches and torques are shown: networks learn best in it
+SHOWN_TRAINING = OURS  # form of the models whose reaches and torques are shown: networks learn best in it
 
-ROBOT_TITLES = {IDEAL: "Arm as in its URDF", ROBOT: "The stand-ins (simulated)"}
-FORM_TITLES = {TEXT: "As published", OURS: "Our training"}
+ROBOT_TITLES = {IDEAL: "Arm as in its URDF", ROBOT: "Perturbed robots (simulated)"}
+FORM_TITLES = {PUBLISHED: "As published", OURS: "Our training"}
 LOSS_TITLES = {"raw": "Raw loss (as published)", "normalised": "Loss normalised per joint"}
 
 REFERENCE = WHITE  # references, drawn wide: a target path, a measured torque, a carried mass

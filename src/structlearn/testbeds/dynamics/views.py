@@ -89,7 +89,7 @@ def write_reaches(
             "after the other in the controller; the first seed of each.\n\n"
             "| colour | model | NMSE of the tool's velocity | stopped |\n|---|---|---|---|\n"
             + "\n".join(rows)
-            + "\n\nAn arm that was stopped stays where it was then.\n"
+            + "\n\nA stopped arm stays where it was stopped.\n"
         )
         send_notes(stream, notes)
 
@@ -114,7 +114,7 @@ def _reaches_blueprint(shown: Sequence[TrackedReach], title: str) -> rrb.Bluepri
     ]
     # the plots are scaled to the majority: an arm that runs away would hide the others
     farthest = 1.2 * max(float(np.quantile(reach.off_mm, 0.95)) for reach in shown if len(reach.time) > 1)
-    off = plot("tool off by (mm)", ["/off/**"], legend=False)
+    off = plot("tool error (mm)", ["/off/**"], legend=False)
     off.properties["ScalarAxis"] = rrb.ScalarAxis(range=(0.0, farthest))
     speed = plot("speed of the tool (m/s)", ["/speed/**"], legend=False)
     speed.properties["ScalarAxis"] = rrb.ScalarAxis(range=(0.0, 2.0 * float(shown[0].speeds[1].max())))
@@ -207,9 +207,9 @@ def write_payload(
     right = rrb.Vertical(*followed_plots(), notes_view(), row_shares=[3, 3, 3, 4])
     colours = {
         "the payload, once it is carried": PAYLOAD,
-        "the mass that is really carried (wide)": REFERENCE,
-        "what is learned online of the last link (Cov), and its error": LEARNED,
-        "error of the empty arm's model": EMPTY,
+        "true mass of the payload (wide)": REFERENCE,
+        "online estimate of the last link (Cov), and its error": LEARNED,
+        "error of the model of the empty arm": EMPTY,
     }
     with recording(path, title) as stream:
         stream.send_blueprint(layout(rrb.Horizontal(view, right, column_shares=[3, 3])))
@@ -219,8 +219,8 @@ def write_payload(
         really = np.where(held, carried.mass_kg, 0.0)
         send_followed(stream, learned, time, really, (REFERENCE, LEARNED, EMPTY))
         notes = (
-            f"### {title}\n\nSimulated. After {pick_up_s:g} s the arm takes hold of {carried.mass_kg:g} kg, "
-            f"which nobody tells the model.\n\n{legend(colours)}\n\n"
+            f"### {title}\n\nSimulated. After {pick_up_s:g} s the arm picks up {carried.mass_kg:g} kg, "
+            f"which the model is not told.\n\n{legend(colours)}\n\n"
             "First moment of the mass: x orange, y green, z blue.\n"
         )
         send_notes(stream, notes)

@@ -17,7 +17,7 @@ INVERSE_COLOURS: dict[InverseModel, str] = {LOCALLY_LINEAR: GREEN, NEGATIVE_GRAD
 
 FORM_NAMES = {PUBLISHED: "published controller", RESTING: "resting controller"}
 FORM_COLOURS = {PUBLISHED: OCHRE, RESTING: BLUE}
-TEXT, OURS = Variant(PUBLISHED, JACOBIAN), Variant(RESTING, JACOBIAN)
+AS_PUBLISHED, OURS = Variant(PUBLISHED, JACOBIAN), Variant(RESTING, JACOBIAN)
 """The dissertation's controller (non-linear model, its Jacobian), and the resting one with the same model."""
 
 STRUCTURE_NAMES = {True: "structure", False: "no structure"}  # latent spaces

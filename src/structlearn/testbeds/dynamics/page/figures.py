@@ -22,13 +22,13 @@ from structlearn.testbeds.dynamics.names import (
     REFERENCE,
     ROBOT,
     ROBOT_TITLES,
-    SHOWN_FORM,
+    SHOWN_TRAINING,
     colour,
     look,
 )
 from structlearn.testbeds.dynamics.page.findings import DynamicsResults
 from structlearn.testbeds.dynamics.protocol.tracking import TrackedReach, tracked_reaches
-from structlearn.testbeds.dynamics.protocol.trainings import OURS, TEXT
+from structlearn.testbeds.dynamics.protocol.trainings import OURS, PUBLISHED
 from structlearn.testbeds.dynamics.world.arm_motion import SineParameters, sine_path
 
 HIGHEST_NMSE = 1e6  # upper end of the axis, where diverged runs are drawn
@@ -41,7 +41,7 @@ SHOWN_REACHES = {
 }
 """Models whose reaches are drawn, by robot."""
 
-FORM_MARKERS = {TEXT: "o", OURS: "s"}
+FORM_MARKERS = {PUBLISHED: "o", OURS: "s"}
 MARKERS = {"nostr": "x", "symm": "+", "spd": "s", "tri": "^", "cov": "o"}
 SHOWN_JOINTS = (1, 2, 4, 6)  # joints whose friction is drawn, from large to small
 WIDE: dict[str, Any] = {"color": REFERENCE, "linewidth": 4.0}  # style of references
@@ -61,7 +61,7 @@ def drawings(results: DynamicsResults) -> Mapping[str, Sequence[Drawing]]:
     robots = [robot for robot in ROBOT_TITLES if results.tracked(robot)]
     tables = results.paths, results.scores
     reaches = {
-        ROBOT_TITLES[robot]: tracked_reaches(*tables, robot, SHOWN_FORM, SHOWN_REACHES[robot])
+        ROBOT_TITLES[robot]: tracked_reaches(*tables, robot, SHOWN_TRAINING, SHOWN_REACHES[robot])
         for robot in robots
     }
     return {
@@ -135,7 +135,8 @@ def _tracking(results: DynamicsResults, robot: str) -> Figure:
             if known and form == OURS:
                 continue
             runs = results.runs(robot, model, REACH, form)
-            offsets = (0.0 if known else -0.17 if form == TEXT else 0.17) + np.linspace(-0.1, 0.1, len(runs))
+            middle = 0.0 if known else -0.17 if form == PUBLISHED else 0.17
+            offsets = middle + np.linspace(-0.1, 0.1, len(runs))
             for offset, run in zip(offsets, runs.itertuples(), strict=True):
                 fill = "none" if run.stopped else "full"
                 panel.plot(
@@ -150,14 +151,14 @@ def _tracking(results: DynamicsResults, robot: str) -> Figure:
         Line2D([], [], label=FORM_TITLES[form], marker=marker, **mark)
         for form, marker in FORM_MARKERS.items()
     ]
-    handles.append(Line2D([], [], label="had to be stopped", marker="o", fillstyle="none", **mark))
+    handles.append(Line2D([], [], label="stopped", marker="o", fillstyle="none", **mark))
     figure.legend(handles=handles, loc="outside upper left", ncols=3)
     return figure
 
 
 def _off(reaches: Sequence[TrackedReach], title: str) -> Figure:
     """Distance of the tool from its reference."""
-    figure, panel = _panel(2.4, title, "time (s)", "tool off by (mm)")
+    figure, panel = _panel(2.4, title, "time (s)", "tool error (mm)")
     for reach in reaches:
         panel.plot(reach.time, np.maximum(reach.off_mm, 1e-2), label=reach.label, **look(reach.model))
     panel.set(yscale="log", ylim=(8e-3, 3e3))
@@ -181,7 +182,7 @@ def _bodies(table: pd.DataFrame, learned: str, true: str, title: str) -> Figure:
     """Learned values over true ones for the first seed of the structures."""
     figure, panel = _panel(3.3, title, "of the arm", "learned")
     first = table["seed"] == table["seed"].min()
-    its = table[(table["form"] == TEXT) & first].set_index("model")
+    its = table[(table["form"] == PUBLISHED) & first].set_index("model")
     for model, marker in MARKERS.items():
         rows = its[its.index == model]
         marked: dict[str, Any] = {"marker": marker, "fillstyle": "none", "linestyle": "", "markersize": 5}
@@ -212,7 +213,7 @@ def _friction(joint: int, residuals: pd.DataFrame) -> Figure:
 def _payload(results: DynamicsResults) -> Figure:
     """Learned mass and first moment of a payload, with the true ones; a thin line per robot."""
     payload, carried = results.payload, results.chosen["record_motion"].payload
-    figure, panel = _panel(2.5, "Learned of the payload", "time (s)", "share of the truth")
+    figure, panel = _panel(2.5, "Learned payload", "time (s)", "share of the truth")
     truth = carried.mass_kg * np.linalg.norm(carried.point_m)
     time = payload["time_s"].drop_duplicates()
     panel.plot(time, np.where(time < results.pick_up_s, 0.0, 1.0), label="carried", **WIDE)

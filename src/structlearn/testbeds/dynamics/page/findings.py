@@ -29,7 +29,7 @@ from structlearn.rigid_body.tree import Robot
 from structlearn.simulation.arm import Mechanics
 from structlearn.testbeds.dynamics.names import IDEAL, REACH, ROBOT, SINE
 from structlearn.testbeds.dynamics.protocol.tracking import KNOWN
-from structlearn.testbeds.dynamics.protocol.trainings import LOSSES, OURS, TEXT, Form
+from structlearn.testbeds.dynamics.protocol.trainings import LOSSES, OURS, PUBLISHED, Form
 
 STOPPED_NMSE = 1.0  # least error of a stopped run: that of an arm that does not move
 SETTLED_SHARE = 0.1  # of a payload's mass: largest error at which the learned mass counts as right
@@ -37,12 +37,12 @@ TERMS: tuple[FrictionTerm, ...] = ("viscous", "coulomb")  # friction of the simu
 RESIDUAL_RATE_HZ = 10.0  # of residual torques kept for the figure
 NETWORKS = ("mlp", "delan")  # published models without inertias
 
-RIVALS = {TEXT: (*NETWORKS, "nostr", "symm"), OURS: ("mlp", "mlp_scaled", "delan", "nostr", "symm")}
+RIVALS = {PUBLISHED: (*NETWORKS, "nostr", "symm"), OURS: ("mlp", "mlp_scaled", "delan", "nostr", "symm")}
 """Models that are less constrained than SPD, Tri and Cov, by form."""
 
 UNMET = "no network of this kind met the criterion"
 
-SUFFIXES = {OURS: "", TEXT: "_plain"}
+SUFFIXES = {OURS: "", PUBLISHED: "_plain"}
 """Suffix of cases by form; the published form has plain Adam and the plain loss."""
 
 HEADLINES = (*(f"{model}_plain" for model in STRICT), "mlp", "delan", "cov")  # epochs in `metrics.json`
@@ -94,28 +94,28 @@ class DynamicsResults:
         """Models that tracked with an arm in any form, in the order of tables."""
         return in_order(self.scores.loc[self.scores["robot"] == arm, "model"].unique())
 
-    def outcome(self, arm: str, model: str, form: Form = TEXT) -> pd.DataFrame:
+    def outcome(self, arm: str, model: str, form: Form = PUBLISHED) -> pd.DataFrame:
         """Outcomes of a model (`cov`, `cov_coulomb`) by seed; empty if it was not trained.
 
         If the threshold was not `reached`, epochs are the limit: a lower bound.
         """
         return self._outcomes(arm, model, form)
 
-    def runs(self, arm: str, model: str, task: str, form: Form = TEXT) -> pd.DataFrame:
+    def runs(self, arm: str, model: str, task: str, form: Form = PUBLISHED) -> pd.DataFrame:
         """Scores of a model that met the criterion, by seed; stopped runs score at least `STOPPED_NMSE`."""
         known = self._runs(arm, model, task, KNOWN)
         return known if len(known) else self._runs(arm, model, task, form)
 
-    def velocity(self, arm: str, model: str, form: Form = TEXT) -> pd.Series:
+    def velocity(self, arm: str, model: str, form: Form = PUBLISHED) -> pd.Series:
         """NMSE of the tool's velocity in reaches, by seed; see `runs`."""
         return self.runs(arm, model, REACH, form)["velocity_nmse"]
 
-    def stopped(self, arm: str, model: str, form: Form = TEXT) -> tuple[int, int]:
+    def stopped(self, arm: str, model: str, form: Form = PUBLISHED) -> tuple[int, int]:
         """Number of a model's runs (sines and reaches) that were stopped, and number of all."""
         halted = pd.concat([self.runs(arm, model, task, form)["stopped"] for task in (SINE, REACH)]) != ""
         return int(halted.sum()), len(halted)
 
-    def robot_error(self, model: str, form: Form = TEXT) -> pd.Series:
+    def robot_error(self, model: str, form: Form = PUBLISHED) -> pd.Series:
         """NMSE of a known or learned model on robots' logs, mean over joints, by robot."""
         if model in (GROUND_TRUTH, DEFAULT):
             return self.known[self.known["model"] == model].groupby("seed")["nmse"].mean()
@@ -135,7 +135,7 @@ class DynamicsResults:
         own = pd.DataFrame({"final": by["nmse"].last(), "speed": by["logarithm"].mean()})
         return extended(own.reset_index(), self.study, "online_scores")
 
-    def online_scores(self, form: Form = TEXT) -> pd.DataFrame:
+    def online_scores(self, form: Form = PUBLISHED) -> pd.DataFrame:
         """`learned_online` with the loss of a form, by model and seed."""
         scores = self.learned_online[self.learned_online["loss"] == LOSSES[form]]
         return scores.set_index(["model", "seed"])[["final", "speed"]].sort_index()
@@ -256,7 +256,7 @@ def findings(results: DynamicsResults) -> Findings:
     find.exact("base_parameters", results.base["parameter"].nunique())
     find.exact("epochs_limit", results.chosen["train_dynamics"].epochs.simulation)
     _models(find, robots, results)
-    for form in (TEXT, OURS):
+    for form in (PUBLISHED, OURS):
         _in_simulation(find, results, form)
         _of_robots(robots, results, form)
     _online(find, results)
@@ -308,7 +308,7 @@ def _in_simulation(find: Findings, results: DynamicsResults, form: Form) -> None
     _cases(find.geometric_mean, f"epochs_{form}", {model: epochs(model) for model in strict})
     _ratios(find, f"epochs_more_{form}", epochs, RIVALS[form], strict)
     find.by(_largest, f"above_truth_{form}", above, missing=UNMET)
-    _ratios(find, f"over_strict_{form}", velocity, NETWORKS if form == TEXT else RIVALS[form], strict)
+    _ratios(find, f"over_strict_{form}", velocity, NETWORKS if form == PUBLISHED else RIVALS[form], strict)
 
 
 def _of_robots(find: Findings, results: DynamicsResults, form: Form) -> None:
@@ -340,8 +340,8 @@ def _online(find: Findings, results: DynamicsResults) -> None:
         return scores["final"].get(model, nothing)
 
     find.mean("online_nmse", {model: final(model) for model in in_order(scores.index.unique("model"))})
-    _ratios(find, "online_course", course, RIVALS[TEXT], strict)
-    _ratios(find, "online_final", final, RIVALS[TEXT], strict)
+    _ratios(find, "online_course", course, RIVALS[PUBLISHED], strict)
+    _ratios(find, "online_final", final, RIVALS[PUBLISHED], strict)
     scaled = {"over the course": course, "after one pass": final}
     ratios = {when: _over(score, "mlp_scaled", strict).dropna() for when, score in scaled.items()}
     either = {when: geometric_mean(its) if len(its) else unknown(UNMET) for when, its in ratios.items()}

@@ -26,11 +26,11 @@ from structlearn.testbeds.dynamics.page.findings import (
     published,
     unmet,
 )
-from structlearn.testbeds.dynamics.protocol.trainings import LOSSES, OURS, TEXT
+from structlearn.testbeds.dynamics.protocol.trainings import LOSSES, OURS, PUBLISHED
 from structlearn.testbeds.dynamics.world.controlled_arm import OVERSPEED
 
 SOURCES = {
-    "log": Source("data/runs/dynamics/stand_in.parquet", "dynamics_import_logs"),
+    "log": Source("data/runs/dynamics/perturbed.parquet", "dynamics_import_logs"),
     "models": Source("data/dynamics/models", "dynamics_train"),
     "scores": Source("data/dynamics/tracking", "dynamics_track"),
     "online": Source("data/dynamics/online", "dynamics_online"),
@@ -157,7 +157,7 @@ def _scores(results: DynamicsResults, robot: str) -> Table:
             row = dict(zip(published()["columns"], printed[model], strict=True))
             nmse = published()["robot_nmse"].get(model)
             rows.append({"model": name, "source": PRINTED, "nmse": nmse} | row)
-        for form in (TEXT,) if known else (TEXT, OURS):
+        for form in (PUBLISHED,) if known else (PUBLISHED, OURS):
             outcome = results.outcome(robot, model, form)
             stopped, count = results.stopped(robot, model, form)
             if count or len(outcome):
@@ -184,10 +184,14 @@ def _epochs(results: DynamicsResults) -> Table:
     """Epochs to the threshold in simulation, in both forms, as texts by `model`."""
     rows = []
     for model in results.kinds:
-        text, ours = (results.outcome(IDEAL, model, form) for form in (TEXT, OURS))
-        but_last = _counted(text["epochs_but_last"].dropna(), len(text)) if len(text) else ""
-        rows.append((model_name(model), _epochs_text(text), but_last, _epochs_text(ours)))
-    headings = {"text": "as published", "text_but_last": "but for the last joint", "ours": "our training"}
+        first, ours = (results.outcome(IDEAL, model, form) for form in (PUBLISHED, OURS))
+        but_last = _counted(first["epochs_but_last"].dropna(), len(first)) if len(first) else ""
+        rows.append((model_name(model), _epochs_text(first), but_last, _epochs_text(ours)))
+    headings = {
+        PUBLISHED: "as published",
+        "published_but_last": "but for the last joint",
+        OURS: "our training",
+    }
     return Table(pd.DataFrame(rows, columns=["model", *headings]), headings=headings)
 
 
@@ -223,7 +227,7 @@ def _online(results: DynamicsResults) -> Table:
 
 def _bodies(results: DynamicsResults) -> Table:
     """Per `model`: number of learned `links`, of those that meet each of `CONDITIONS`, and all of them."""
-    its = results.links.query("form == @TEXT")
+    its = results.links.query("form == @PUBLISHED")
     met = its[CONDITIONS].assign(possible=its[CONDITIONS].all(axis=1)).groupby(its["model"])
     return _by_model({"links": met.size()} | dict(met.sum()))
 
@@ -235,14 +239,14 @@ def _base_errors(results: DynamicsResults) -> Table:
         ("base", results.base, "value", "truth"),
         ("mass", results.links, "mass_kg", "true_mass_kg"),
     ):
-        its = table.query(f"form == @TEXT and {true} != 0.0")
+        its = table.query(f"form == @PUBLISHED and {true} != 0.0")
         columns[name] = ((its[learned] - its[true]) / its[true]).abs().groupby(its["model"]).median()
     return _by_model(columns, ".1%")
 
 
 def _links(results: DynamicsResults) -> Table:
     """Masses, centres and largest moments learned by `DETAILED`, and the truth; mean ± std over seeds."""
-    its = results.links.query("form == @TEXT and model == @DETAILED")
+    its = results.links.query("form == @PUBLISHED and model == @DETAILED")
     axes = [f"centre_{axis}_m" for axis in "xyz"]
     away = its[axes].to_numpy() - its[[f"true_{axis}" for axis in axes]].to_numpy()
     links = its.assign(away=np.linalg.norm(away, axis=1)).groupby("link", sort=False)
@@ -259,7 +263,7 @@ def _links(results: DynamicsResults) -> Table:
 
 def _base_parameters(results: DynamicsResults) -> Table:
     """Base parameters of `DETAILED`: `parameter`, `truth`, `learned` (mean over seeds) and its `std`."""
-    its = results.base.query("form == @TEXT and model == @DETAILED")
+    its = results.base.query("form == @PUBLISHED and model == @DETAILED")
     by = its.groupby("parameter", sort=False)
     columns = {"truth": by["truth"].first(), "learned": by["value"].mean(), "std": by["value"].std()}
     return Table(pd.DataFrame(columns).reset_index(), dict.fromkeys(columns, ".4f"))

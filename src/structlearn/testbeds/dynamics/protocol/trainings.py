@@ -25,8 +25,8 @@ from structlearn.rigid_body.dynamics_training import (
     Kind,
     Learned,
     LearningParameters,
-    Lesson,
     Loss,
+    TrainingData,
     error_table,
     learn_in_epochs,
     learn_online,
@@ -46,14 +46,17 @@ ROBOT_FRICTIONS = {"mlp": ("none",), "mlp_scaled": ("none",), "delan": ("viscous
 
 STRUCTURE_FRICTIONS = ("viscous", "coulomb")  # for all structures, on robots' logs
 
-Form = Literal["text", "ours"]
-TEXT, OURS = get_args(Form)
-LOSSES: Mapping[Form, Loss] = {TEXT: "raw", OURS: "normalised"}
+Form = Literal["published", "ours"]
+PUBLISHED, OURS = get_args(Form)
+FORMS: Mapping[str, Form] = {"text": PUBLISHED, "ours": OURS}
+"""By their names in `params.yaml`, which the digests of the study were made from."""
+
+LOSSES: Mapping[Form, Loss] = {PUBLISHED: "raw", OURS: "normalised"}
 
 STACKED: tuple[NetworkKind, ...] = ("mlp", "delan")
 """Kinds trained on robots' logs as one stack; for single small networks, overhead would dominate."""
 
-BEYOND_THE_TEXT = ("mlp_scaled",)  # kinds without a published form
+UNPUBLISHED = ("mlp_scaled",)  # kinds without a published form
 
 DIVERGED = 1e6  # NMSE above which differences are meaningless
 
@@ -71,7 +74,7 @@ class DynamicsTrainingParameters(Parameters):
     """Parameters of the trainings."""
 
     models: tuple[Kind, ...]
-    forms: tuple[Form, ...]
+    forms: tuple[Literal["text", "ours"], ...]
     seeds: Seeds
     learning: LearningParameters
     ours: AdamParameters
@@ -82,7 +85,7 @@ class DynamicsTrainingParameters(Parameters):
 
     def of(self, form: Form) -> LearningParameters:
         """Learning parameters of a form."""
-        if form == TEXT:
+        if form == PUBLISHED:
             return self.learning
         return self.learning.model_copy(update={"networks": self.ours, "structures": self.ours})
 
@@ -101,7 +104,7 @@ class OnlineParameters(Parameters):
 class Training:
     """Training of the models of one kind."""
 
-    motion: str  # name of the motion: an arm's, or a robot's below it (`stand_in/11`)
+    motion: str  # name of the motion: an arm's, or a robot's below it (`perturbed/11`)
     kind: Kind
     friction: str  # a key of `FRICTIONS`
     form: Form
@@ -126,8 +129,8 @@ class Training:
 def trainings(robots: Sequence[int], parameters: DynamicsTrainingParameters) -> list[Training]:
     """All trainings: on the arm's motion, and on the log of each robot."""
     found = []
-    for kind, form in product(parameters.models, parameters.forms):
-        if form == TEXT and kind in BEYOND_THE_TEXT:
+    for kind, form in product(parameters.models, map(FORMS.__getitem__, parameters.forms)):
+        if form == PUBLISHED and kind in UNPUBLISHED:
             continue
         found.append(Training(IDEAL, kind, "none", form, parameters.seeds))
         found += [
@@ -209,17 +212,17 @@ def learn_once_through(
     kinds: dict[str, list[Kind]] = {}
     for kind in sorted(parameters.models, key=lambda kind: kind != "delan"):  # the slowest first
         kinds.setdefault("symmetric" if kind in STRUCTURES and kind != "nostr" else kind, []).append(kind)
-    run = partial(_once_through, lesson=Lesson(tree, motion), parameters=parameters, learning=learning)
+    run = partial(_once_through, data=TrainingData(tree, motion), parameters=parameters, learning=learning)
     return pd.concat(parallel_map(run, kinds.values(), "online learning"), ignore_index=True)
 
 
 def _once_through(
-    kinds: Sequence[Kind], lesson: Lesson, parameters: OnlineParameters, learning: LearningParameters
+    kinds: Sequence[Kind], data: TrainingData, parameters: OnlineParameters, learning: LearningParameters
 ) -> pd.DataFrame:
     tables, seeds = [], np.array(parameters.seeds)
     with one_thread():
         for kind, loss in product(kinds, parameters.losses):
-            models = learner(kind, lesson, loss, parameters.seeds, learning)
+            models = learner(kind, data, loss, parameters.seeds, learning)
             table = error_table(learn_online(models, parameters.stride), "batch")
             tables.append(table.assign(model=kind, loss=loss, seed=seeds[table["seed"]]))
     return pd.concat(tables, ignore_index=True)
@@ -234,8 +237,8 @@ def _train_together(
     first, terms = work[0], FRICTIONS[work[0].friction]
     with one_thread():
         if first.kind not in STACKED or first.arm != ROBOT:
-            lesson = Lesson(tree, motions[first.motion], terms)
-            return [_train_one(training, lesson, parameters) for training in work]
+            data = TrainingData(tree, motions[first.motion], terms)
+            return [_train_one(training, data, parameters) for training in work]
         learning, logs = parameters.of(first.form), [motions[training.motion] for training in work]
         weights = np.stack([loss_weights(LOSSES[first.form], log) for log in logs])
         generators = [seeded(*training.seeds) for training in work]
@@ -246,12 +249,13 @@ def _train_together(
         return [learned.part(place) for place in range(len(work))]
 
 
-def _train_one(training: Training, lesson: Lesson, parameters: DynamicsTrainingParameters) -> Learned:
+def _train_one(training: Training, data: TrainingData, parameters: DynamicsTrainingParameters) -> Learned:
     learning = parameters.of(training.form)
-    models = learner(training.kind, lesson, LOSSES[training.form], training.seeds, learning)
+    models = learner(training.kind, data, LOSSES[training.form], training.seeds, learning)
     if training.arm == ROBOT:
         return learn_in_epochs(models, 0.0, parameters.epochs.robot)
-    futility = parameters.futility_epochs if training.form == TEXT and training.kind in NETWORKS else None
+    futile = training.form == PUBLISHED and training.kind in NETWORKS
+    futility = parameters.futility_epochs if futile else None
     return learn_in_epochs(
         models, learning.threshold, parameters.epochs.simulation, parameters.stride, futility
     )

@@ -1,9 +1,9 @@
-"""Joint logs of simulated arms: one equal to its URDF, and stand-ins for the dissertation's real robot.
+"""Joint logs of simulated arms: one equal to its URDF, and perturbed robots in place of the real one.
 
-A stand-in has effects that the models of III.4.2 do not know: its links differ from the URDF, its joints have
-friction, its drives have ripple, its torque sensors are noisy, and torques act one tick after the command.
-Effects of a drive scale with its rated torque, because larger gears have more friction and ripple. No number
-is chosen to fit an outcome:
+A perturbed robot has effects that the models of III.4.2 do not know: its links differ from the URDF, its
+joints have friction, its drives have ripple, its torque sensors are noisy, and torques act one tick after the
+command. Effects of a drive scale with its rated torque, because larger gears have more friction and ripple.
+No number is chosen to fit an outcome:
 
 * Coulomb friction 0.5 % of the rated torque, viscous friction 0.3 % per rad/s: the recorded Franka Emika
   Panda has Coulomb friction of 0.2 to 0.6 % in the large joints and 1.4 to 2 % in the small ones, and viscous
@@ -34,8 +34,8 @@ from structlearn.testbeds.dynamics.world.arm_motion import (
 from structlearn.testbeds.dynamics.world.controlled_arm import SimulatedArm, run
 
 
-class StandInParameters(Parameters):
-    """Parameters of the stand-in; reasons are in the module's header."""
+class PerturbedRobotParameters(Parameters):
+    """Parameters of perturbed robots; reasons are in the module's header."""
 
     log_s: float = Field(gt=0)
     latency_ticks: int = Field(ge=0, le=20)
@@ -64,10 +64,10 @@ class RecordMotionParameters(Parameters):
     payload: PayloadParameters
 
 
-def stand_in(
-    tree: KinematicTree, default: LinkInertias, parameters: StandInParameters, seed: int
+def perturbed_mechanics(
+    tree: KinematicTree, default: LinkInertias, parameters: PerturbedRobotParameters, seed: int
 ) -> Mechanics:
-    """A stand-in for an arm, by the seed of its links' true inertias.
+    """Mechanics of a perturbed robot, by the seed of its links' true inertias.
 
     A link heavier than in the URDF is denser: its inertia grows with its mass and stays physically
     consistent. Raises InputError: too few rated torques.
@@ -95,21 +95,22 @@ def ideal_log(robot: Robot, motion: SineParameters) -> JointLog:
     return _sine_log("sine", arm, motion, {"arm": "as in its URDF"})
 
 
-def stand_in_log(
+def perturbed_robot_log(
     robot: Robot,
-    parameters: StandInParameters,
+    parameters: PerturbedRobotParameters,
     seed: int,
     motion: SineParameters,
     payload: PayloadParameters | None = None,
     pybullet: bool = False,
 ) -> JointLog:
-    """Sines of a stand-in, tracked with the URDF's model, with noise on the torques (III.4.2).
+    """Sines of a perturbed robot, tracked with the URDF's model, with noise on the torques (III.4.2).
 
     The controller does not know about a payload that is picked up.
     """
     motion = motion.cut(parameters.log_s)
-    arm = SimulatedArm(robot, stand_in(robot.tree, robot.inertias, parameters, seed), 1.0 / motion.rate_hz)
-    remark = {"arm": "stand-in with friction, ripple, latency and other inertias", "seed": str(seed)}
+    mechanics = perturbed_mechanics(robot.tree, robot.inertias, parameters, seed)
+    arm = SimulatedArm(robot, mechanics, 1.0 / motion.rate_hz)
+    remark = {"arm": "perturbed robot with friction, ripple, latency and other inertias", "seed": str(seed)}
     if payload is None:
         log = _sine_log("sine", arm, motion, remark, pybullet)
     else:

@@ -29,9 +29,9 @@ from structlearn.testbeds.obstacles.names import (
     model_name,
 )
 from structlearn.testbeds.obstacles.page.findings import (
+    AS_PUBLISHED,
     FEW_HITS,
     OURS,
-    TEXT,
     ObstacleResults,
     example_setting,
 )
@@ -333,7 +333,7 @@ def hits_panel(results: ObstacleResults) -> Figure:
     """Number of unseen spheres hit by each person's models, by form and source."""
     figure, panel = _panel(2.8)
     sources = (*SHAPES, ALL)
-    for place, (form, words) in enumerate(((TEXT, "as published"), (OURS, "ours"))):
+    for place, (form, words) in enumerate(((AS_PUBLISHED, "as published"), (OURS, "ours"))):
         for row, source in enumerate(sources):
             hits, _ = results.hits_by_person(UNSEEN, form, source)
             # people in order from top to bottom; equal numbers of hits are side by side

@@ -1,9 +1,9 @@
 """Findings of the obstacle testbed, over the people of the test population.
 
-The dissertation's statements are tested on its own form: single networks with its rules (`TEXT`). Ensembles
-with limits at the goal (`OURS`) are evidence for this project's claims. Rates are clustered by person, errors
-are means over people, differences are paired by person. The study `obstacles/people` adds people to those of
-this run: the errors of their models, and sums and extremes over their reaches.
+The dissertation's statements are tested on its own form: single networks with its rules (`AS_PUBLISHED`).
+Ensembles with limits at the goal (`OURS`) are evidence for this project's claims. Rates are clustered by
+person, errors are means over people, differences are paired by person. The study `obstacles/people` adds
+people to those of this run: the errors of their models, and sums and extremes over their reaches.
 """
 
 from collections.abc import Iterable, Mapping, Sequence
@@ -46,7 +46,7 @@ from structlearn.testbeds.obstacles.protocol.avoidance_protocols import (
 from structlearn.testbeds.obstacles.protocol.unrolled_reaches import Reach, SituationKey, reaches_by_situation
 from structlearn.testbeds.obstacles.world.scenarios import Scenario
 
-TEXT, OURS = (NETWORK, PUBLISHED), (ENSEMBLE, LIMITED)
+AS_PUBLISHED, OURS = (NETWORK, PUBLISHED), (ENSEMBLE, LIMITED)
 """Kind of model and rules: as published, and our variant."""
 
 PEOPLE_STUDY = "obstacles/people"  # further people, included in the verdicts
@@ -268,13 +268,13 @@ def _fits(results: ObstacleResults, find: Findings, largest_nmse: float) -> None
 
 def _hits(results: ObstacleResults, find: Findings) -> None:
     """Hits of obstacles, and lengths of detours."""
-    hits, sizes = results.hits_by_person(TRAINED, TEXT, SETTING)
+    hits, sizes = results.hits_by_person(TRAINED, AS_PUBLISHED, SETTING)
     find.exact("reaches_hit_per_setting", hits.sum(), headline=True)
     find.exact("networks_per_setting", sizes.sum())
     find.clustered_share("hits_per_setting", hits, sizes)
     rai = results.hits_by_person(TRAINED, (HUMAN_INSPIRED, PUBLISHED), SETTING)
     find.clustered_share("hits_of_rai", *rai)
-    for form, word, sources in ((TEXT, "single_", SHAPES), (OURS, "", EVERY)):
+    for form, word, sources in ((AS_PUBLISHED, "single_", SHAPES), (OURS, "", EVERY)):
         for protocol, name in ((TRAINED, "per_shape"), (UNSEEN, "unseen")):
             cases = {source: results.hits_by_person(protocol, form, source) for source in sources}
             find.clustered_share(f"{word}hits_{name}", cases)
@@ -287,7 +287,7 @@ def _hits(results: ObstacleResults, find: Findings) -> None:
         find.exact(name, detour, ours["reaches"].sum(), unit="m", headline=protocol == PAIR)
     within = {}
     for source in EVERY:
-        for form, word in ((OURS, ""), (TEXT, "_single")):
+        for form, word in ((OURS, ""), (AS_PUBLISHED, "_single")):
             by_person, _ = results.hits_by_person(UNSEEN, form, source)
             people, few = len(by_person), int((by_person <= FEW_HITS).sum())
             stem, ours = f"hits_unseen_{source}{word}", form == OURS

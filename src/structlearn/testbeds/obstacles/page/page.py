@@ -18,11 +18,11 @@ from structlearn.reporting.studies import extended, provenance, read_study, rest
 from structlearn.testbeds.obstacles import files
 from structlearn.testbeds.obstacles.names import DEMONSTRATIONS, KINDS, RULES, SITUATIONS, SOURCES, model_name
 from structlearn.testbeds.obstacles.page.findings import (
+    AS_PUBLISHED,
     EVERY,
     FEW_HITS,
     OURS,
     PEOPLE_STUDY,
-    TEXT,
     ObstacleResults,
     example_setting,
     read_published,
@@ -60,8 +60,8 @@ def document(results: ObstacleResults, find: Findings) -> Document:
     limited = shown["limits"].frame
     named = facts(results, published) | find.numbers()
     named |= {
-        "worst_goal": limited.loc[limited["goal_text"].idxmax()],
-        "late_network": limited.loc[limited["model"].str.startswith(NETWORK), "late_goal_text"].max(),
+        "worst_goal": limited.loc[limited["goal_published"].idxmax()],
+        "late_network": limited.loc[limited["model"].str.startswith(NETWORK), "late_goal_published"].max(),
     }
     return Document(
         template="obstacles.html.jinja",
@@ -123,8 +123,8 @@ FITS = {"nmse": "all three axes", "nmse_across": "y and z", "nmse_dominant": "do
 
 THREE_DIGITS = (
     *("nmse_train", "nmse_test", "nmse_x", "nmse_y", "nmse_z", "goal_max", "goal_mean", "late_goal_max"),
-    *("obstacle_min", "obstacle_mean", "goal_text", "goal_limited", "late_goal_text", "late_goal_limited"),
-    *("train_mean", "test_mean", "closest", "excursion"),
+    *("obstacle_min", "obstacle_mean", "goal_published", "goal_limited", "late_goal_published"),
+    *("late_goal_limited", "train_mean", "test_mean", "closest", "excursion"),
 )
 FORMATS = {
     **dict.fromkeys(THREE_DIGITS, ".3f"),
@@ -137,12 +137,12 @@ HEADINGS = {
     **{"obstacle_mean": "mean", "nmse_x": "x", "nmse_y": "y", "nmse_z": "z", "over": "NMSE over"},
     **{"train_mean": "learned from, mean", "test_mean": "held out, mean"},
     **{"train_low": "learned from, low", "test_low": "held out, low", "excursion": "between"},
-    **{"hits_text": "hits, text", "hits_limited": "limits", "goal_text": "goal, text"},
-    **{"goal_limited": "limits", "late_goal_text": "late, text", "late_goal_limited": "limits"},
+    **{"hits_published": "hits, published", "hits_limited": "limits", "goal_published": "goal, published"},
+    **{"goal_limited": "limits", "late_goal_published": "late, published", "late_goal_limited": "limits"},
     **{"moving_0.1": "0.1 m/s", "moving_0.2": "0.2 m/s", "pair": "two", "goal_change": "moving goal"},
     **{"detour_unseen": "detour, unseen", "detour_moving": "moving", "detour_pair": "two"},
     **{"none": KINDS[NO_MODEL].name},
-    **{f"{source}_text": f"{SOURCES[source].name}, text" for source in (*SHAPES, ALL)},
+    **{f"{source}_published": f"{SOURCES[source].name}, published" for source in (*SHAPES, ALL)},
     **{f"{source}_ours": "ours" for source in (*SHAPES, ALL)},
 }
 COMPARED = (
@@ -176,7 +176,7 @@ def people(results: ObstacleResults) -> pd.DataFrame:
     """Unseen spheres hit per person: without avoidance, by published single networks, and by ensembles."""
     columns = {"person": results.people, "none": results.hits_by_person(UNSEEN, (NO_MODEL, LIMITED), "")[0]}
     for source in (*SHAPES, ALL):
-        columns[f"{source}_text"] = results.hits_by_person(UNSEEN, TEXT, source)[0]
+        columns[f"{source}_published"] = results.hits_by_person(UNSEEN, AS_PUBLISHED, source)[0]
         columns[f"{source}_ours"] = results.hits_by_person(UNSEEN, OURS, source)[0]
     return pd.DataFrame(columns)
 
@@ -229,10 +229,12 @@ def fit(results: ObstacleResults, low: float) -> pd.DataFrame:
 def limits(results: ObstacleResults) -> pd.DataFrame:
     """Published rules and limits at the goal: hits, largest goal distances (m), and restrained samples."""
     families = {"per setting": (SETTING,), "per shape": SHAPES, "all shapes": (ALL,)}
-    rules, rows = {"text": PUBLISHED, "limited": LIMITED}, []
+    rows = []
     for protocol, kind, words in product((TRAINED, UNSEEN), KINDS, families):
-        found = {name: results.reached(protocol, kind, families[words], its) for name, its in rules.items()}
-        limited = found["limited"]
+        found = {
+            rules: results.reached(protocol, kind, families[words], rules) for rules in (PUBLISHED, LIMITED)
+        }
+        limited = found[LIMITED]
         count = int(limited["reaches"].sum())
         if count == 0:
             continue
@@ -310,6 +312,6 @@ def _in_order(rows: Sequence[Row]) -> pd.DataFrame:
 
 
 def _strong(frame: pd.DataFrame) -> frozenset[int]:
-    """Rows of unrolls with the text's rules, for comparison with the printed ones."""
+    """Rows of unrolls with the published rules, for comparison with the printed ones."""
     sources = frame.get("source", pd.Series(dtype=str))
     return frozenset(row for row, words in enumerate(sources) if words == f"{HERE}, {RULES[PUBLISHED]}")

@@ -60,7 +60,7 @@ class AvoidanceTrainingParameters(Parameters):
 Stack = TypeVar("Stack", AvoidanceNetworks, HumanInspiredModels)
 
 
-class _Lesson(NamedTuple):
+class _TrainingSet(NamedTuple):
     """Samples for training and testing one model."""
 
     person: int
@@ -84,13 +84,13 @@ def learn(
     Raises InputError: datasets of other scenarios, too few samples, a constant target.
     """
     own = own_scenarios(scenarios, list(datasets))
-    lessons: list[_Lesson] = []
+    sets: list[_TrainingSet] = []
     for person, dataset in datasets.items():
         test = held_out_rows(dataset, parameters.split)
-        lessons += _lessons(person, dataset, test, scenarios, own[person])
-    of_setting = [one for one in lessons if one.learned_from == SETTING]
-    of_shape = [one for one in lessons if one.learned_from not in (SETTING, ALL)]
-    across = [one for one in lessons if one.learned_from != SETTING]
+        sets += _training_sets(person, dataset, test, scenarios, own[person])
+    of_setting = [one for one in sets if one.learned_from == SETTING]
+    of_shape = [one for one in sets if one.learned_from not in (SETTING, ALL)]
+    across = [one for one in sets if one.learned_from != SETTING]
     across.sort(key=lambda one: -len(one.dataset))  # the longest first, so that processes finish together
     steered = [*of_shape, *of_setting]
     modulating = [one for one in across if one.person == modulated]
@@ -112,43 +112,45 @@ def learn(
     found = parallel_map(train, _training(modulating), "phase-modulated networks")
     sources = [one.learned_from for one in modulating]
     models[modulated] = {**models[modulated], PHASE_MODULATED: dict(zip(sources, found, strict=True))}
-    return models, _errors(models, [one for one in lessons if one.learned_from != ALL])
+    return models, _errors(models, [one for one in sets if one.learned_from != ALL])
 
 
-def _lessons(
+def _training_sets(
     person: int, dataset: AvoidanceDataset, test: np.ndarray, scenarios: Sequence[Scenario], own: np.ndarray
-) -> Iterator[_Lesson]:
+) -> Iterator[_TrainingSet]:
     """A person's own scenarios one by one, all scenarios of each shape, all scenarios."""
     if set(dataset.scenario) != set(range(len(scenarios))):
         raise InputError(f"the samples are not those of {len(scenarios)} scenarios; run all stages")
 
-    def lesson(places: Sequence[int], learned_from: str, obstacle: str = "", setting: int = 0) -> _Lesson:
+    def training_set(
+        places: Sequence[int], learned_from: str, obstacle: str = "", setting: int = 0
+    ) -> _TrainingSet:
         rows = np.isin(dataset.scenario, places)
-        return _Lesson(person, learned_from, obstacle, setting, dataset.where(rows), test[rows])
+        return _TrainingSet(person, learned_from, obstacle, setting, dataset.where(rows), test[rows])
 
     for place in own:
-        yield lesson([place], SETTING, scenarios[place].shape, scenarios[place].setting)
+        yield training_set([place], SETTING, scenarios[place].shape, scenarios[place].setting)
     for shape in dict.fromkeys(scenario.shape for scenario in scenarios):
         its = [place for place, scenario in enumerate(scenarios) if scenario.shape == shape]
-        yield lesson(its, shape, shape)
-    yield lesson(range(len(scenarios)), ALL)
+        yield training_set(its, shape, shape)
+    yield training_set(range(len(scenarios)), ALL)
 
 
-def _training(lessons: Sequence[_Lesson]) -> list[AvoidanceDataset]:
-    return [one.dataset.where(~one.test) for one in lessons]
+def _training(sets: Sequence[_TrainingSet]) -> list[AvoidanceDataset]:
+    return [one.dataset.where(~one.test) for one in sets]
 
 
-def _models(lessons: Sequence[_Lesson], stack: Stack, person: int) -> dict[str, Stack]:
-    """Models of one person from a stack with one per lesson, by training set."""
-    sources = [one.learned_from if one.person == person else "" for one in lessons]
+def _models(sets: Sequence[_TrainingSet], stack: Stack, person: int) -> dict[str, Stack]:
+    """Models of one person, by training set, from a stack with one model per set."""
+    sources = [one.learned_from if one.person == person else "" for one in sets]
     names = filter(None, dict.fromkeys(sources))
     return {name: stack.take([place for place, one in enumerate(sources) if one == name]) for name in names}
 
 
-def _errors(models: Mapping[int, AvoidanceModels], lessons: Sequence[_Lesson]) -> pd.DataFrame:
-    """Errors on every lesson of the models that learned it, alone or with others."""
+def _errors(models: Mapping[int, AvoidanceModels], sets: Sequence[_TrainingSet]) -> pd.DataFrame:
+    """Errors on every training set of the models that learned it, alone or with others."""
     rows = []
-    for (person, source), same in groupby(lessons, key=lambda one: (one.person, one.learned_from)):
+    for (person, source), same in groupby(sets, key=lambda one: (one.person, one.learned_from)):
         for place, one in enumerate(same):
             for kind, found in models[person].items():
                 for name in (source, ALL) if source != SETTING else (source,):

@@ -19,7 +19,7 @@ from structlearn.avoidance.avoidance_dataset import baseline_axes, to_local
 from structlearn.avoidance.avoiding_unroll import AvoidancePaths, GoalChange, no_coupling, unroll
 from structlearn.avoidance.features import CouplingModel
 from structlearn.avoidance.learned_models import ALL, SETTING, AvoidanceModels
-from structlearn.avoidance.postprocessing import TEXT_ONLY, PostprocessingParameters
+from structlearn.avoidance.postprocessing import PUBLISHED_ONLY, PostprocessingParameters
 from structlearn.avoidance.shapes import (
     CLOUD_COUNT,
     SHAPES,
@@ -39,7 +39,7 @@ TRAINED, UNSEEN, MOVING, PAIR, GOAL_CHANGE = "trained", "unseen", "moving", "pai
 NO_MODEL = "none"  # the baseline without coupling term
 
 LIMITED, PUBLISHED = "limited", "published"
-"""Post-processing: the text's rules with limits at the goal, or alone."""
+"""Post-processing: the published rules with limits at the goal, or alone."""
 
 PAIR_SPACING_M = 0.2  # least distance of the centres of a pair along the reach, so that the hand fits between
 
@@ -216,7 +216,7 @@ def evaluate(
     rules = {LIMITED: parameters.postprocessing}
     if situation.protocol in (TRAINED, UNSEEN):
         published = {"passed_decay_per_m2": parameters.postprocessing.passed_decay_per_m2}
-        rules[PUBLISHED] = TEXT_ONLY.model_copy(update=published)
+        rules[PUBLISHED] = PUBLISHED_ONLY.model_copy(update=published)
     bare = unrolled(situation, no_coupling, learner.baseline, parameters, parameters.postprocessing)
     tables, paths = [], []
     for contender in contenders(learner, situation):

@@ -37,9 +37,9 @@ SPHERE, STEPS_PER_S = "sphere", 2.0  # timeline with one sphere per step
 SHOWN = 3  # reaches per situation, evenly spaced among those that hit without avoidance
 
 EXPLAINED = {
-    MOVING: "A sphere crosses the reach and is there just when the unhindered hand would be.",
-    PAIR: "Two spheres stand beside the reach; along each axis the strongest push either way acts.",
-    GOAL_CHANGE: "A sphere stands beside the reach, and the goal (the dark blue point) moves on the way.",
+    MOVING: "A sphere crosses the reach and meets the hand if the hand does not avoid it.",
+    PAIR: "Two spheres are next to the reach; the strongest coupling term in either direction applies.",
+    GOAL_CHANGE: "A sphere is next to the reach, and the goal (the dark blue point) moves during the reach.",
 }
 
 

@@ -2,8 +2,8 @@
 
 Claims and sentences are over people. The study `scraping/people` runs the whole testbed for each of them
 (demonstrations, sensor, corrections, models, executions and refinement), once with the given parameters
-(`OURS`) and once as published (`TEXT`). People are independent; folds and executions of one person are not.
-The study collects the rows of this run's person by `key`; these rows decide nothing.
+(`OURS`) and once as published (`PUBLISHED`). People are independent; folds and executions of one person are
+not. The study collects the rows of this run's person by `key`; these rows decide nothing.
 """
 
 from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
@@ -35,7 +35,7 @@ from structlearn.testbeds.scraping.page.tables import (
 )
 from structlearn.testbeds.scraping.protocol.execution_scores import AFTER, BEFORE, NOMINAL
 
-TEXT = "text"  # variant of the study, besides `OURS`
+PUBLISHED = "published"  # variant of the study, besides `OURS`
 
 WORDS = {POINTWISE: "feedback", "pmnn_100": "pmnn", "validation": "", "generalization": "best_step"}
 """Parts of keys with other names; the training step is the one chosen by validation unless a key says so."""
@@ -117,7 +117,7 @@ def findings(stored: Stored, frames: Frames) -> Findings:
     its.exact("people", people.count or np.nan, headline=True)
     segmentation_of_people(its, people, [one.name for one in stored.found_primitives])
     feedback_of_people(its, people, stored)
-    for form in (TEXT, OURS):
+    for form in (PUBLISHED, OURS):
         refinement_of_people(its, people_of(stored, form), stored)
     return find
 
@@ -149,7 +149,7 @@ def segmentation_of_one(find: Findings, stored: Stored, frames: Frames) -> None:
     least_cut_error(sweep, errors_by_seed(stored.tables["noise"]))
     worst = downsampling_worst(stored.tables["downsampling_people"])  # empty for a single factor g
     sweep.mean("downsampling_work_g2", worst["work"])
-    for column in ("shift_samples", "shift_samples_text"):
+    for column in ("shift_samples", "shift_samples_published"):
         sweep.mean(f"downsampling_{column}", worst[column])
 
 
@@ -261,7 +261,7 @@ def seen(stored: Stored) -> list[float]:
 def segmentation_of_people(find: Findings, people: ScrapingPeople, aligned: Sequence[str]) -> None:
     """Findings of the page on segmentation and primitives; `aligned`: primitives with an axis."""
     numbers = people.numbers
-    for name, method in (("aligned_as_printed", "wls_text"), ("aligned_with_crossings", RESULT)):
+    for name, method in (("aligned_as_printed", "wls_published"), ("aligned_with_crossings", RESULT)):
         find.mean(name, {one: numbers(f"alignment_gain_mm_{method}_{one}") for one in aligned})
     jumps = {"as demonstrated": "nominal", "new situation": "generalised"}
     percent = {name: ratio(numbers(f"acceleration_jump_{one}"), 0.01) for name, one in jumps.items()}
@@ -343,15 +343,15 @@ def refinement_of_people(find: Findings, people: ScrapingPeople, stored: Stored)
     every = {f"{tilt:g}°": its for tilt, its in at_tilts.items()}
     find.geometric_mean(f"rl_cost_ratio_at_tilts_{form}", every)
     find.geometric_mean(f"seen_cost_ratio_{form}", of("seen_cost_ratio_after_over_before_max"))
-    models = (BEFORE, AFTER) if form == TEXT else (AFTER,)  # both forms are equal before refinement
+    models = (BEFORE, AFTER) if form == PUBLISHED else (AFTER,)  # both forms are equal before refinement
     between = {f"{name}, {model}": of("rl_between", model, name) for name in executed for model in models}
     find.mean(f"between_{form}", between)
     find.geometric_mean(f"level_board_refined_{form}", of("rl_over_nominal_0"))
     searched = {one: ratio(*(of("search_cost", method, one) for method in (PI2, CMA_ES))) for one in refined}
     find.geometric_mean(f"search_{form}", searched)
-    if form == TEXT:  # both forms are equal before refinement, and cost more than after
+    if form == PUBLISHED:  # both forms are equal before refinement, and cost more than after
         costs = {name: of("rl_over_nominal_max", name) for name in executed}
-        find.geometric_mean("nominal_is_worst_text", costs)
+        find.geometric_mean("nominal_is_worst_published", costs)
 
 
 def ratio(first: Numbers, second: np.ndarray | float | None) -> Numbers:

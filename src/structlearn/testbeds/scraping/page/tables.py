@@ -69,13 +69,14 @@ def cut_tables(stored: Stored) -> dict[str, pd.DataFrame]:
 def downsampling_worst(effect: pd.DataFrame) -> pd.DataFrame:
     """Worst values of `cut_sweep.downsampling_sweep` per person; empty for a single factor g.
 
-    `work` times g² where it deviates most from 1, and the largest `shift_samples` and `shift_samples_text`.
+    `work` times g² where it deviates most from 1, and the largest `shift_samples` and
+    `shift_samples_published`.
     """
     first = effect["factor"].min()
     rest = effect[effect["factor"] > first]
     by_person = rest.assign(work=rest["work"] * (rest["factor"] / first) ** 2).groupby("seed")
     work = by_person["work"].agg(lambda work: work.loc[(work - 1.0).abs().idxmax()])
-    return by_person[["work", "shift_samples", "shift_samples_text"]].max().assign(work=work)
+    return by_person[["work", "shift_samples", "shift_samples_published"]].max().assign(work=work)
 
 
 def board_tables(stored: Stored, printed: Mapping[str, Any]) -> dict[str, pd.DataFrame]:
@@ -219,7 +220,7 @@ def nmse_beside_published(errors: pd.DataFrame, stored: Stored, published: Mappi
         for stopping, rule in (("generalization", ", as published"), ("validation", "")):
             error = errors.loc[(name, "pmnn_100", stopping)]
             cells = {part: with_spread(error[f"{part}_mean"], error[f"{part}_std"], ".3f") for part in PARTS}
-            which = f"here, step best for {WORDS['stopping'][stopping]}{rule}"
+            which = f"here, best step for {WORDS['stopping'][stopping]}{rule}"
             rows.append({"primitive": title, "which": which} | cells)
     return pd.DataFrame(rows)
 
@@ -413,16 +414,16 @@ WORDS: Mapping[str, Mapping[Any, str]] = {
     column: {key: look.name for key, look in LOOKS.items()}
     for column in ("method", "model", "baseline", "representation", "better", "worse", "kind")
 } | {
-    "left_out": {False: "all", True: "all but the one compared"},
+    "left_out": {False: "all", True: "all but the held-out one"},
     "seen": {True: "learned from", False: "never learned from"},
-    "stopping": {"validation": "validation", "generalization": "the one left out"},
+    "stopping": {"validation": "validation", "generalization": "the held-out demonstration"},
 }
 """Names for keys by column, as in figures and recordings."""
 
 DECIMALS = {
     2: "spread_mm distance_mm gain_mm low_mm high_mm mean_mm mean_deg end_deg ratio reproduction_deg "
     "roll_torque_mn_m mean_shift_ms pointwise_deg pointwise_std unrolled_deg unrolled_std std_deg norm_rad "
-    "others shift_samples shift_samples_text",
+    "others shift_samples shift_samples_published",
     1: "mean_ms max_shift_ms max_mm max_deg difference_ms low_ms high_ms half_width_ms mean std low high "
     "step lower_rad since_lower_rad since_half_width end_roll_deg cost_rad mean_below mean_above",
     3: "end_mm smoothing_deg difference lower_deg force_n force_std_n "
@@ -450,7 +451,7 @@ HEADINGS = {
     "left_out": "learned from",
     "others": "other axes",
     "shift_samples": "largest, coarse samples",
-    "shift_samples_text": "as printed, coarse samples",
+    "shift_samples_published": "as printed, coarse samples",
     "roll_torque_mn_m": "roll torque (mN m)",
     "lower_rad": "lower by (rad)",
     "since_lower_rad": "lower than iteration 2 (rad)",

@@ -39,7 +39,7 @@ class SweepParameters(Parameters):
         return range(self.first_seed, self.first_seed + self.seeds)
 
 
-EFFECT = ["factor", "work", "mean_shift_ms", "max_shift_ms", "shift_samples", "shift_samples_text"]
+EFFECT = ["factor", "work", "mean_shift_ms", "max_shift_ms", "shift_samples", "shift_samples_published"]
 COLUMNS = ["noise_mm", "seed", "demonstration", "primitive", "method", "start_error_s", "end_error_s"]
 
 

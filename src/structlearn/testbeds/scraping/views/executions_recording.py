@@ -47,33 +47,33 @@ from structlearn.viewer.arm_meshes import arm_contents, send_arm
 
 FEEDBACK_NOTE = f"""### Scraping with feedback
 
-The same three movements on a board that was tilted after they were learned: as they were learned, corrected
-by a person who holds the tool flat on the board, and by the feedback model that was trained on such
-corrections (dissertation IV.9.3). A tab per tilt, largest first; the first run of each kind.
+The same three movements on a tilted board: as learned on the level board, corrected by a person who holds
+the tool flat on the board, and corrected by the feedback model that was trained on such corrections
+(dissertation IV.9.3). A tab per tilt, largest first; the first run of each kind.
 
-The coupling term is what the model adds to the movement's rotation; of the corrected run it is
-the target that the model was trained on. The primitive's spring divides it by {ALPHA * BETA:.0f}: in the end,
+The coupling term is what the model adds to the rotation of the movement; for the corrected run it is
+the training target. The primitive's spring divides it by {ALPHA * BETA:.0f}: in the end,
 {ALPHA * BETA * np.radians(10.0):.0f} rad turn the hand by 10 degrees.
 """
 
 REFINEMENT_NOTE = """### Refinement by trial
 
-A feedback model that nobody had corrected at the steepest tilt, and what trials there made of it
-(dissertation IV.9.4): without feedback, and with it before and after the refinement. Pale in the right
+A feedback model without corrections at the steepest tilt, refined there by trial (dissertation IV.9.4):
+executions without feedback, and with feedback before and after refinement. Pale in the right
 scene: before. A tab per tilt, with the first run of each kind, so costs are of single runs; then a tab per
 refined movement with its search, which steps on the time line `iteration`.
 """
 
 ROBOT_NOTE = """### The whole arm
 
-One run with feedback: the arm, what its hand does on the board, what its fingers feel, and what the feedback
-makes of it (dissertation IV.9.3).
+One run with feedback: the arm, the motion of its hand on the board, the readings of its fingers, and the
+resulting feedback (dissertation IV.9.3).
 """
 
 FINGERS = """**In 3-D**: the line is the path of the tool's edge.
 
-**Fingers**: every electrode's reading against what runs without feedback on the level board
-felt; orange is above, light blue below, grey as expected."""
+**Fingers**: every electrode's reading relative to that of runs without feedback on the level board;
+orange is above, light blue below, grey as expected."""
 
 URDF = Path(pybullet_data.getDataPath()) / "kuka_iiwa" / "model.urdf"
 """URDF of the arm with its meshes, from PyBullet's data."""
@@ -149,7 +149,7 @@ def _notes(text: str, executions: Sequence[Execution]) -> str:
     """Text of a panel: content, origin, colours of the runs, and how to read the rest."""
     colours = rrd.legend({one.look.name: one.look.colour for one in executions})
     origin = rrd.origin_sentence([one.run for one in executions])
-    return f"{text}\n**{origin}**\n\n{colours}\n\n{FINGERS}"
+    return f"{text}\n{colours}\n\n**{origin}**\n\n{FINGERS}"
 
 
 def _send_setting(

@@ -23,8 +23,8 @@ from structlearn.testbeds.scraping.world.layout import EDGE_M
 from structlearn.viewer import learned_primitives, recorded_demonstrations, rrd
 from structlearn.viewer.diagram import texts
 
-DEMONSTRATED = """A person guides the tool down to the level board, turns it and scrapes. Coloured by the
-primitive that they were cut into, white outside (dissertation IV.5). The hand is that of {reference}; every
+DEMONSTRATED = """A person guides the tool down to the level board, turns it and scrapes. Colours show the
+primitives, white is outside of them (dissertation IV.5). The hand is that of {reference}; every
 demonstration has a tab with its signals. Arrows are the axes of each hand: x red, y green, z blue; curves of
 turning are orange, green and blue in the same order."""
 
@@ -71,16 +71,16 @@ def _send_scenery(stream: rr.RecordingStream, hand: str) -> list[str]:
 NOTE = """### Where the demonstrations correspond
 
 Above, the reference; below, another demonstration: its position along the movement's axis, with some time
-before and after. Lines join the samples that time warping puts together, the brighter the more their pair
-counts; ochre are the eight that count most. Pairs at rest do not count (dissertation IV.5).
+before and after. Lines join the samples paired by time warping; brighter pairs have more weight, and
+the eight with the largest weights are ochre. Pairs at rest have no weight (dissertation IV.5).
 
-Bars are the cuts: above a curve by its own velocity alone, below it as they are used. A step of the time
-line `demonstration` is another demonstration.
+Bars are the cuts: above a curve, by its own velocity only; below it, as used. Each step of the time line
+`demonstration` shows another demonstration.
 """
 
 DEMONSTRATION = "demonstration"  # timeline with one demonstration per step
 HIGHLIGHTED = 8
-"""Pairs with the largest weights, drawn bold; as many as in the text's figures IV.14 and IV.15."""
+"""Pairs with the largest weights, drawn bold; as many as in figures IV.14 and IV.15."""
 
 SHOWN_PAIRS = 90  # evenly spaced among all pairs; more would merge into an area
 WIDTH, HEIGHT, GAP = 32.0, 2.6, 2.4

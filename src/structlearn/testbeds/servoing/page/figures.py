@@ -64,7 +64,7 @@ def drawings(results: ServoingResults) -> dict[str, Drawing | Sequence[Drawing]]
         "contact": _contacts(results),
         "scene": [_scene_still(results), _approach(results)],
         "loop_success": [_success(results, form) for form in names.FORM_NAMES],
-        "loop_paths": [_ways(results, variant) for variant in (names.TEXT, names.OURS)],
+        "loop_paths": [_ways(results, variant) for variant in (names.AS_PUBLISHED, names.OURS)],
         "loop_progress": _progress(results),
     }
 
@@ -116,7 +116,7 @@ def _all_round(skin: Skin, position: np.ndarray, turned: np.ndarray, colour: tup
 def _approach(results: ServoingResults) -> Figure:
     """Distance from the target over time with the dissertation's controller and ours."""
     figure, axes = _panel("From the target, with NJ", "time (s)", "distance (mm)")
-    for variant in (names.OURS, names.TEXT):
+    for variant in (names.OURS, names.AS_PUBLISHED):
         rows, colour = rows_of(results.loops["progress"], variant), names.FORM_COLOURS[variant.form]
         axes.plot(rows["time_s"], rows["median_mm"], color=colour, label=names.FORM_NAMES[variant.form])
         axes.fill_between(rows["time_s"], rows["median_mm"], rows["upper_mm"], color=colour, alpha=0.15, lw=0)
@@ -272,7 +272,7 @@ def _success(results: ServoingResults, form: str) -> Figure:
 
     groups = {names.STRUCTURE_NAMES[structure]: partial(share, structure) for structure in STRUCTURES}
     title = names.FORM_NAMES[form].capitalize()
-    return _bars(title, "% of targets reached", 101, groups, legend=form == names.TEXT.form)
+    return _bars(title, "% of targets reached", 101, groups, legend=form == names.AS_PUBLISHED.form)
 
 
 def _ways(results: ServoingResults, variant: Variant) -> Figure:
@@ -316,7 +316,7 @@ def _progress(results: ServoingResults) -> list[Figure]:
         handles=_patches(names.INVERSE_COLOURS)
         + _lines({line: names.FORM_NAMES[form] for form, line in DASHES.items()})
     )
-    title = "Length of successes, resting controller"
+    title = "Path length of successes, resting controller"
     four, length = _panel(title, "shortest on the skin (mm)", "travelled (mm)")
     reached = rows_of(loops["trials"], names.OURS).query("success")
     longest = 1.05 * reached["path_mm"].max() if len(reached) else 1.0

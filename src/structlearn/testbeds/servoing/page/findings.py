@@ -26,12 +26,12 @@ from structlearn.tactile.electrodes import SKINS, Skin, map_laying
 from structlearn.tactile.latent_parameters import FORWARD_OF, JACOBIAN, LOCALLY_LINEAR, NO_INVERSE, STRUCTURES
 from structlearn.tactile.touch_dataset import SPLITS, TEST, TEST_STRIDE, Chains, TouchDataset, chains
 from structlearn.testbeds.servoing.names import (
+    AS_PUBLISHED,
     DYNAMICS,
     OURS,
     SKIN_NAMES,
     STILL,
     STRUCTURE_NAMES,
-    TEXT,
     dynamics_name,
 )
 from structlearn.testbeds.servoing.protocol.servo_scores import ControllerScores
@@ -47,7 +47,7 @@ PEOPLE_STUDY = "servoing/people"  # study that verdicts rest on
 TEST_CHAIN = 3  # prediction steps at which forward models are compared; they train on two (II.4.4)
 SQUARE_MM = 1.5  # side of the squares of skin in which errors are gathered
 
-TEXT_LL = replace(TEXT, inverse=LOCALLY_LINEAR)  # not tried on a robot in the text
+AS_PUBLISHED_LL = replace(AS_PUBLISHED, inverse=LOCALLY_LINEAR)  # not tried on a robot in the dissertation
 
 RATE, FORWARD = "servo_success_rate", "forward_nmse"
 SPACE_KEYS = {True: "struct", False: "nostruct"}  # latent spaces in the names of findings
@@ -181,7 +181,7 @@ class ServoingResults:
 
     @cached_property
     def pairs(self) -> int:
-        """Number of pairs as the text counts them, over all splits and strides."""
+        """Number of pairs as the dissertation counts them, over all splits and strides."""
         return len(chains(self.dataset, 2))
 
     @cached_property
@@ -271,7 +271,7 @@ def rate_case(variant: Variant, skin: str = "") -> str:
         "" if variant.structure else SPACE_KEYS[False],
         "" if variant.with_loss else "without_loss",
         "as_data" if variant.change == AS_DATA else "",
-        "published" if variant.form == TEXT.form else "",
+        "published" if variant.form == AS_PUBLISHED.form else "",
     )
 
 
@@ -290,8 +290,9 @@ def key(*words: str) -> str:
 
 def rated() -> list[Variant]:
     """Controllers whose share of targets is a finding."""
-    every = product((TEXT.form, OURS.form), FORWARD_OF, STRUCTURES, (True, False))
-    return [Variant(*case) for case in every] + [replace(form, change=AS_DATA) for form in (TEXT, OURS)]
+    cases = product((AS_PUBLISHED.form, OURS.form), FORWARD_OF, STRUCTURES, (True, False))
+    every = [Variant(*case) for case in cases]
+    return every + [replace(form, change=AS_DATA) for form in (AS_PUBLISHED, OURS)]
 
 
 def _of_person(find: Findings, results: ServoingResults) -> None:
@@ -327,7 +328,7 @@ def _of_person(find: Findings, results: ServoingResults) -> None:
     for skin, its in results.skins.items():
         rates |= {rate_case(one, skin): rate(its, one) for one in variants_of_other_skins()}
     find.add(RATE, rates)
-    counts = {"": loops.counts(OURS).sum(), "published": loops.counts(TEXT).sum()}
+    counts = {"": loops.counts(OURS).sum(), "published": loops.counts(AS_PUBLISHED).sum()}
     lost = {case: (its["lost"], its["trials"]) for case, its in counts.items()}
     find.counted("servo_contacts_lost", lost)
 
@@ -385,8 +386,8 @@ def _closed_loop(find: Findings, results: ServoingResults) -> None:
         pairs = {inverse: (rates(one), rates(replace(one, **without))) for inverse, one in models.items()}
         find.rate_difference(name, pairs)
 
-    shown = [(TEXT, ""), (TEXT_LL, ""), (OURS, ""), (replace(OURS, structure=False), "")]
-    shown += [(variant, skin) for skin in results.skins for variant in (TEXT, OURS)]
+    shown = [(AS_PUBLISHED, ""), (AS_PUBLISHED_LL, ""), (OURS, ""), (replace(OURS, structure=False), "")]
+    shown += [(variant, skin) for skin in results.skins for variant in (AS_PUBLISHED, OURS)]
     for variant, skin in shown:
         name, headline = key("people", RATE, rate_case(variant, skin)), not skin or variant == OURS
         share(name, rates(variant, skin), skin=skin, headline=headline)
@@ -394,7 +395,7 @@ def _closed_loop(find: Findings, results: ServoingResults) -> None:
     for ending in ("", "_published"):
         lost = results.people.numbers(f"servo_contacts_lost{ending}")
         share(f"people_servo_contacts_lost{ending}", None if lost is None else lost / trials)
-    for ending, variant in (("", TEXT), ("_ll", TEXT_LL), ("_aimed", OURS)):
+    for ending, variant in (("", AS_PUBLISHED), ("_ll", AS_PUBLISHED_LL), ("_aimed", OURS)):
         with_skins = {SKIN_NAMES[skin]: rates(variant, skin) for skin in results.skins}
         its = rates(variant)
         serves = variant == OURS or (its is not None and _clustered(trials, its).low > 0.5)
@@ -405,7 +406,7 @@ def _closed_loop(find: Findings, results: ServoingResults) -> None:
             share(f"geometry{ending}", with_skins, skin="other")
         else:
             find.unknown(f"geometry{ending}")
-    gain("structure_serves", TEXT, structure=False)
+    gain("structure_serves", AS_PUBLISHED, structure=False)
     gain("structure_serves_resting", OURS, structure=False)
     gain("loss_serves", OURS, with_loss=False)
 

@@ -194,7 +194,7 @@ def _rounded(frame: pd.DataFrame, number_format: str, headings: Mapping[str, str
 
 def _loops(frame: pd.DataFrame) -> Table:
     """Closed loops, with the dissertation's controller and ours in bold."""
-    keys, bold = frame[KEYS].to_dict("records"), (vars(names.TEXT), vars(names.OURS))
+    keys, bold = frame[KEYS].to_dict("records"), (vars(names.AS_PUBLISHED), vars(names.OURS))
     strong = frozenset(row for row, its in enumerate(keys) if its in bold)
     frame = frame.assign(form=frame["form"].map(names.FORM_NAMES))
     headings, formats = ({name: both[place] for name, both in LOOP_COLUMNS.items()} for place in (0, 1))

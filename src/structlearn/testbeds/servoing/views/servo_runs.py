@@ -15,14 +15,14 @@ from structlearn.core.metrics import matching
 from structlearn.palette import GREY
 from structlearn.simulation.touch import Handle
 from structlearn.tactile.electrodes import Skin
-from structlearn.testbeds.servoing.names import FORM_COLOURS, FORM_NAMES, LATENT, OURS, TEXT, TRUE
+from structlearn.testbeds.servoing.names import AS_PUBLISHED, FORM_COLOURS, FORM_NAMES, LATENT, OURS, TRUE
 from structlearn.testbeds.servoing.protocol.servo_variants import Variant
 from structlearn.testbeds.servoing.views import servoing_scene as scene
 from structlearn.viewer.rrd import colour_words, entity, layout, recording, rgba, send_curve, send_notes
 
 TITLE = "Touch: closed loops"
 
-SHOWN = {FORM_NAMES[variant.form]: variant for variant in (TEXT, OURS)}
+SHOWN = {FORM_NAMES[variant.form]: variant for variant in (AS_PUBLISHED, OURS)}
 """Controllers shown side by side."""
 
 PLOTS = {
@@ -157,11 +157,11 @@ def _notes(runs: Mapping[str, ServoRun]) -> str:
         rows.append(f"| {short} | {'yes' if its['success'] else 'no'} | {errors} |")
     first = next(iter(runs.values())).trial
     return (
-        f"# {TITLE}\n\nA simulated finger is to be touched at another place and load ({first['motion']}, "
-        f"{first['geodesic_mm']:.1f} mm along the skin). It knows only what that feels like. "
+        f"# {TITLE}\n\nA simulated finger moves a contact to another position and load ({first['motion']}, "
+        f"{first['geodesic_mm']:.1f} mm along the skin). It knows only the target readings. "
         "Left the published controller, right the resting controller, this project's own; both with "
         "the network's Jacobian (NJ) of the same trained model."
         f"\n\n{colour_words(colours)}\n\n" + "\n".join(rows) + "\n\nThe latent "
-        "state is that of the low-passed electrodes, later than the contact; its place and the true contact "
-        "differ by the error of estimated contact points.\n"
+        "state is that of the low-passed electrodes, later than the contact; its position and the true "
+        "contact differ by the error of estimated contact points.\n"
     )
