@@ -1,4 +1,4 @@
-"""Execute the primitives on every setting, without and with each feedback model (IV.9.3.5)."""
+"""Execute the primitives in every setting, without and with each feedback model (IV.9.3.5)."""
 
 from structlearn.core.artefacts import publish, write_table
 from structlearn.core.stage import run, stage_parameters

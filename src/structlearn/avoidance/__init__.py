@@ -1,6 +1,6 @@
-"""Obstacle avoidance: reaches round spheres, cubes and cylinders, and feedback models learned from them.
+"""Obstacle avoidance: reaches around spheres, cubes and cylinders, and feedback models learned from them.
 
-What users import stands in the stub beside this file, and is loaded when it is first used.
+The public names are in the stub beside this file; their modules load on first use.
 """
 
 import lazy_loader

@@ -1,8 +1,8 @@
-"""Supervised data from reaches past obstacles: features and coupling targets (IV.8, eq. IV.23).
+"""Supervised data from reaches around obstacles: features and coupling targets (IV.8, eq. IV.23).
 
 Everything is in the local frame of the baseline: x along its reach, origin at its start. Starts and ends of
-demonstrations scatter with the hand's aim, which no obstacle explains, so the coupling term of each is the
-difference to the baseline unrolled from its start to its end.
+demonstrations vary with the hand's aim, which no obstacle explains, so the coupling target of each is
+computed relative to the baseline unrolled from its own start to its own end.
 """
 
 from collections.abc import Iterable, Sequence
@@ -29,7 +29,7 @@ Samples = TypeVar("Samples")
 
 
 class AvoidanceDataParameters(Parameters):
-    """From recorded positions to samples of coupling."""
+    """Preparation of coupling samples from recorded positions."""
 
     rate_hz: float = Field(ge=25, le=1000)
     smoothing_hz: float = Field(gt=0, le=50)
@@ -41,28 +41,29 @@ class AvoidanceDataParameters(Parameters):
 class AvoidanceDataset:
     """Samples of demonstrations in several scenarios."""
 
-    features: np.ndarray  # (S, 17) of one obstacle (`features`), or (S, F) of a scene (`look_ahead`)
+    features: np.ndarray  # (S, 17) for one obstacle (`features`), or (S, F) for a scene (`look_ahead`)
     target: np.ndarray  # (S, 3) coupling term in the local frame
     phase: np.ndarray  # (S,) p
     phase_velocity: np.ndarray  # (S,) u
     scenario: np.ndarray  # (S,) number of the scenario, from 0
-    demonstration: np.ndarray  # (S,) number of the demonstration within its scenario, from 0
+    demonstration: np.ndarray  # (S,) number of the demonstration within the scenario, from 0
     time: np.ndarray  # (S,) s since the start
 
     def __len__(self) -> int:
         return len(self.time)
 
     def where(self, mask: np.ndarray) -> Self:
-        """The samples of a mask (S,) or of indices."""
+        """Samples selected by a mask (S,) or by indices."""
         return type(self)(**{name: values[mask] for name, values in vars(self).items()})
 
 
 def fit_baseline(
     demonstrations: Sequence[Demonstration], parameters: AvoidanceDataParameters
 ) -> PositionPrimitive:
-    """Primitive of the unhindered reach, whose local frame is used throughout.
+    """Fit the primitive of the free reach, whose local frame is used throughout.
 
-    Raises InputError: the reach is too short to have a direction, or a demonstration to differentiate.
+    Raises InputError: the reach is too short to have a direction, or a demonstration too short to
+    differentiate.
     """
     primitive = fit_position([smooth_path(one, parameters) for one in demonstrations])
     if primitive.frame == "world":
@@ -72,7 +73,7 @@ def fit_baseline(
 
 
 def smooth_path(demonstration: Demonstration, parameters: AvoidanceDataParameters) -> Trajectory:
-    """A reach of at least five samples, base frame, on a finer clock, smoothed and differentiated twice."""
+    """A reach (five samples or more), base frame, resampled finer, smoothed and differentiated twice."""
     from scipy.interpolate import CubicSpline
 
     if len(demonstration.time) < 5:
@@ -84,12 +85,12 @@ def smooth_path(demonstration: Demonstration, parameters: AvoidanceDataParameter
 
 
 def to_local(points: np.ndarray, baseline: PositionPrimitive) -> np.ndarray:
-    """Points (..., 3) m of the base frame in the local frame of the baseline, origin at its start."""
+    """Points (..., 3) m of the base frame, in the local frame of the baseline, whose origin is its start."""
     return (np.asarray(points, dtype=float) - baseline.start) @ baseline_axes(baseline)
 
 
 def baseline_axes(baseline: PositionPrimitive) -> np.ndarray:
-    """(3, 3) local to base."""
+    """Local frame of the baseline, (3, 3) local to base."""
     return local_frame(baseline.start, baseline.goal, baseline.frame)
 
 
@@ -101,7 +102,7 @@ def samples(
     scenario: int = 0,
     number: int = 0,
 ) -> AvoidanceDataset:
-    """Samples of one demonstration past one obstacle, given by its cloud (P, 3) m in the base frame.
+    """Samples of one demonstration around one obstacle, given by its point cloud (P, 3) m in the base frame.
 
     Raises InputError: the cloud is empty, or the demonstration too short.
     """
@@ -122,9 +123,9 @@ def avoidance_dataset(
     baseline: PositionPrimitive,
     parameters: AvoidanceDataParameters,
 ) -> AvoidanceDataset:
-    """Samples of all demonstrations; obstacles (scenarios) and demonstrations are numbered in their order.
+    """Samples of all demonstrations; obstacles (scenarios) and demonstrations are numbered in order.
 
-    Raises InputError: as `samples`, or there is no demonstration at all.
+    Raises InputError: as `samples`, or there are no demonstrations.
     """
     parts = [
         samples(one, obstacle.cloud(parameters.cloud_count), baseline, parameters, place, number)
@@ -137,7 +138,7 @@ def avoidance_dataset(
 
 
 def concatenated(parts: Sequence[Samples]) -> Samples:
-    """The samples of several dataclasses of arrays (S, ...), one after the other."""
+    """Concatenation of dataclasses of arrays (S, ...)."""
     names = vars(parts[0])
     return type(parts[0])(**{name: np.concatenate([vars(part)[name] for part in parts]) for name in names})
 
@@ -147,7 +148,7 @@ TARGETS = [f"target_{axis}" for axis in AXES]
 
 
 def to_table(dataset: AvoidanceDataset) -> pd.DataFrame:
-    """One row per sample: `KEYS`, with the time as `time_s`, `TARGETS` and the features' names."""
+    """One row per sample: `KEYS` (the time as `time_s`), `TARGETS` and the named features."""
     columns = {name: getattr(dataset, name) for name in KEYS}
     columns |= dict(zip(TARGETS, dataset.target.T, strict=True))
     columns |= dict(zip(NAMES, dataset.features.T, strict=True))
@@ -155,6 +156,6 @@ def to_table(dataset: AvoidanceDataset) -> pd.DataFrame:
 
 
 def from_table(table: pd.DataFrame) -> AvoidanceDataset:
-    """The dataset of a table written by `to_table`."""
+    """Dataset from a table of `to_table`."""
     keys = {name: table["time_s" if name == "time" else name].to_numpy() for name in KEYS}
     return AvoidanceDataset(table[list(NAMES)].to_numpy(float), table[TARGETS].to_numpy(float), **keys)

@@ -1,11 +1,11 @@
-"""Stacks of the avoidance network of IV.8.1 as coupling models: 17 inputs, 20 and 10 ReLU, three outputs.
+"""Avoidance network of IV.8.1 as a coupling model, in stacks: 17 inputs, 20 and 10 ReLU, three outputs.
 
     z = 2 (s - low) / (high - low) - 1      h_1 = max(0, z W_1 + b_1)      h_2 = max(0, h_1 W_2 + b_2)
     c = clip(mean + scale * (h_2 W_3 + b_3), smallest target, largest target)
 
-The text bounds its outputs by a sigmoid, the author's code by tanh scaled to the target's range. Either
-saturates where the coupling is largest, and weights the error of an axis by its extremes, not its variance.
-Here outputs are linear in training and clipped to the range of the training targets afterwards.
+The text bounds the outputs by a sigmoid, the author's code by tanh scaled to the target's range. Both
+saturate where the coupling is largest, and weight the error of an axis by its extremes, not its variance.
+Here outputs are linear in training and then clipped to the range of the training targets.
 """
 
 import json
@@ -20,17 +20,17 @@ from scipy.linalg import block_diag
 from structlearn.core.artefacts import holding, read_description, read_tensors, write_tensors
 from structlearn.core.errors import InputError
 
-Layers = Sequence[np.ndarray]  # one network: (before + 1, after) of each layer, the biases in the last row
+Layers = Sequence[np.ndarray]  # one network: (before + 1, after) per layer, with the biases in the last row
 
 
 @dataclass(frozen=True)
 class AvoidanceNetworks:
-    """M networks of one shape, e.g. one per scenario."""
+    """M networks of equal shape, e.g. one per scenario."""
 
-    columns: np.ndarray  # (D,) which of the 17 features, phase (17) and phase velocity (18) the networks see
-    input_low: np.ndarray  # (M, D) smallest training inputs, scaled to -1
-    input_high: np.ndarray  # (M, D) largest training inputs, scaled to 1; larger than `input_low`
-    layers: tuple[np.ndarray, ...]  # (M, before + 1, after) of each layer, the biases in the last row
+    columns: np.ndarray  # (D,) inputs among the 17 features, the phase (17) and the phase velocity (18)
+    input_low: np.ndarray  # (M, D) smallest training inputs, mapped to -1
+    input_high: np.ndarray  # (M, D) largest training inputs, mapped to 1; larger than `input_low`
+    layers: tuple[np.ndarray, ...]  # (M, before + 1, after) per layer, with the biases in the last row
     output_mean: np.ndarray  # (M, 3) of the training targets
     output_scale: np.ndarray  # (M, 3) standard deviation of the training targets
     output_low: np.ndarray  # (M, 3) smallest training targets
@@ -40,10 +40,10 @@ class AvoidanceNetworks:
         return len(self.input_low)
 
     def __call__(self, features: np.ndarray, phase: np.ndarray, phase_velocity: np.ndarray) -> np.ndarray:
-        """Coupling terms (B, 3) in m: of network b for sample b, or of the only network for all samples.
+        """Coupling terms (B, 3) in m: by network b for sample b, or by a single network for all samples.
 
         `features` (B, 17); `phase` (B,) p; `phase_velocity` (B,) u. Raises ValueError: there are several
-        networks, and not as many as samples.
+        networks, but not as many as samples.
         """
         inputs = selected_inputs(features, phase, phase_velocity, self.columns)
         if len(self) not in (1, len(inputs)):
@@ -55,7 +55,7 @@ class AvoidanceNetworks:
         return np.clip(found, self.output_low[:, None], self.output_high[:, None]).reshape(-1, 3)
 
     def take(self, index: np.ndarray | Sequence[int]) -> Self:
-        """The K networks of indices (K,), in their order and as often as named."""
+        """Networks of the given indices (K,), which may repeat."""
         index = np.asarray(index)
         arrays = {name: getattr(self, name)[index] for name in _PER_NETWORK}
         return type(self)(self.columns, layers=tuple(layer[index] for layer in self.layers), **arrays)
@@ -77,7 +77,7 @@ def forward(layers: Layers, inputs: np.ndarray) -> np.ndarray:
 
 
 def averaged(members: Sequence[Layers]) -> list[np.ndarray]:
-    """One network whose output is the mean of several of equal shape: it has all their nodes side by side."""
+    """One network that outputs the mean of several of equal shape, with all their nodes side by side."""
     first = np.concatenate([layers[0] for layers in members], axis=1)
     inner = [
         np.vstack([block_diag(*(layer[:-1] for layer in same)), np.hstack([layer[-1:] for layer in same])])
@@ -96,7 +96,7 @@ def input_range(inputs: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
 
 
 def output_scale(target: np.ndarray) -> np.ndarray:
-    """Standard deviation (3,) of (S, 3) targets; InputError where an axis is constant."""
+    """Standard deviation (3,) of (S, 3) targets. Raises InputError: an axis is constant."""
     scale = target.std(axis=0)
     if not (scale > 0.0).all():
         raise InputError("the coupling target of an axis is constant: there is nothing to learn")
@@ -117,7 +117,7 @@ def write_avoidance_networks(networks: Mapping[str, AvoidanceNetworks], path: st
 
 
 def read_avoidance_networks(path: str | Path) -> dict[str, AvoidanceNetworks]:
-    """Read the stacks of a file, keyed by name in alphabetical order; InputError if it holds no such."""
+    """Read the stacks of a file, by name. Raises InputError: it is another file."""
     tensors = read_tensors(path)
     with holding(path, "avoidance networks"):
         layers = json.loads(read_description(path))["avoidance_networks"]

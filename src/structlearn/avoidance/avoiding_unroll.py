@@ -1,14 +1,14 @@
-"""The baseline primitive with an avoidance model in the loop, for a batch of scenarios at once (IV.8.4).
+"""Unroll of the baseline primitive with an avoidance model in the loop, for a batch of scenarios (IV.8.4).
 
 Everything is in each scenario's local frame: origin at its start, x along its reach. The integrator is that
 of all primitives (`primitives.transformation`); the avoidance model is its coupling term.
 
-A moving obstacle is seen in its own frame, where the hand passes an obstacle at rest, as in training: the
-velocity among the features is relative to it.
+A moving obstacle is observed in its own frame, in which it is at rest as in training: the velocity among the
+features is relative to it.
 
-Each of several obstacles has its own features and post-processing. Their coupling terms are not summed,
-which would double a detour past two obstacles on the same side: along each axis the strongest push in either
-direction counts (`strongest_pushes`).
+With several obstacles, each has its own features and post-processing. Their coupling terms are not summed,
+which would double a detour around two obstacles on the same side: along each axis the strongest push in
+either direction counts (`strongest_pushes`).
 """
 
 from collections.abc import Sequence
@@ -29,15 +29,15 @@ from structlearn.primitives.vector import sample_count
 
 
 def no_coupling(features: np.ndarray, phase: np.ndarray, phase_velocity: np.ndarray) -> np.ndarray:
-    """The avoidance model of the baseline: (B, 3) zeros."""
+    """Avoidance model of the baseline: (B, 3) zeros."""
     return np.zeros((len(features), 3))
 
 
 @dataclass(frozen=True)
 class GoalChange:
-    """A goal that moves while the movement is under way; the evolving goal follows it (eq. IV.10)."""
+    """A goal that moves during the movement; the evolving goal follows it (eq. IV.10)."""
 
-    time: float  # when, s since the start
+    time: float  # time of the change, s since the start
     goals: np.ndarray  # (B, 3) or (3,) new steady goals in the base frame, m
 
 
@@ -46,12 +46,12 @@ class AvoidancePaths:
     """Unrolled movements of B scenarios in their local frames."""
 
     path: Trajectory  # (B, T, 3) positions relative to the start, velocities, accelerations
-    coupling: np.ndarray  # (B, T, 3) coupling term that acted, held over the step after its sample
+    coupling: np.ndarray  # (B, T, 3) applied coupling term, held over the step after its sample
     asked: np.ndarray  # (B, T, 3) post-processed coupling term, before the limits of `GoalReach`
     goal: np.ndarray  # (B, 3) steady goal, the last one if it changed
     start: np.ndarray  # (B, 3) origin of the local frame in the base frame, m
     frame: np.ndarray  # (B, 3, 3) local to base
-    duration: float  # prescribed, s; the path may go on
+    duration: float  # prescribed duration in s; the path may continue
 
     @property
     def in_base_frame(self) -> Trajectory:
@@ -71,14 +71,14 @@ def unroll(
     until_factor: float = 1.5,
     goal_change: GoalChange | None = None,
 ) -> AvoidancePaths:
-    """Unroll the baseline round one or several obstacles in each of B scenarios.
+    """Unroll the baseline around one or several obstacles in each of B scenarios.
 
-    The feedback begins with the second sample: at the first, the initial goal (eq. IV.12) would absorb it and
+    Feedback begins at the second sample: at the first, the initial goal (eq. IV.12) would absorb it and
     return it with the opposite sign. `obstacles`: in the local frames; `dt`: s; `starts`, `goals` (B, 3) or
-    (3,) m, base frame, and `duration` in s; default the primitive's; `until_factor`: last time in durations;
-    `goal_change`: the frame and the forcing term stay those of the first goals. Raises InputError: no
-    obstacle, batches of different sizes, a reach without a local frame, a change of goal outside the
-    movement, or a model that returns another shape or NaN.
+    (3,) m, base frame, and `duration` in s, default: the primitive's; `until_factor`: end of the path in
+    durations; `goal_change`: frame and forcing term remain those of the first goals. Raises InputError: no
+    obstacle, batches of different sizes, a reach without a local frame, a goal change outside the movement,
+    or a model that returns another shape or NaN.
     """
     sizes = {len(obstacle.points) for obstacle in obstacles}
     if len(sizes) != 1:
@@ -102,7 +102,7 @@ def unroll(
     rates = primitive.local.velocity / duration, primitive.local.acceleration / duration**2
     begun, coupling = forcing[:, : change + 1], partial(feedback.at, 0, goal)
     path = transformation.unroll(np.zeros((batch, 3)), goal, begun, dt, tau, *rates, coupling)
-    if goal_change is not None:  # with the acceleration it had the evolving goal goes on from where it was
+    if goal_change is not None:  # keeping the acceleration lets the evolving goal continue
         goal = _turned(np.subtract(goal_change.goals, starts), frames)
         rates, coupling = (path.velocity[:, -1], path.acceleration[:, -1]), partial(feedback.at, change, goal)
         rest = transformation.unroll(
@@ -134,7 +134,7 @@ def reach_frames(primitive: PositionPrimitive, starts: np.ndarray, goals: np.nda
 
 
 class _Feedback:
-    """The coupling term in the loop of `transformation.unroll`, and a record of what acted."""
+    """Coupling term for `transformation.unroll`, with a record of the applied terms."""
 
     def __init__(
         self,
@@ -155,12 +155,12 @@ class _Feedback:
         limits = ((1.0, parameters.end_limit_m), (parameters.late_factor, parameters.late_limit_m))
         due = [Deadline(sample_count(f * duration, self._dt) - 1, m) for f, m in limits if m is not None]
         self._reach = GoalReach((batch, 3), self._dt / self._tau, due, parameters.return_coupling)
-        self._done = 0  # samples whose coupling term is known; nothing acts at the first
+        self._done = 0  # samples with a known coupling term; the first has none
 
     def at(self, first: int, goal: np.ndarray, step: int, x: np.ndarray, xd: np.ndarray) -> np.ndarray:
-        """Coupling term (B, 3) a step after the first sample of a piece of the movement with one goal."""
+        """Coupling term (B, 3) at a step after the first sample of a segment with one goal."""
         k = first + step
-        if k > self._done:  # the sample at which the goal changes belongs to two pieces
+        if k > self._done:  # the sample of a goal change belongs to two segments
             terms = [self._term(number, k, goal, x, xd) for number in range(len(self._obstacles))]
             self.asked[:, k] = strongest_pushes(np.stack(terms))
             self.coupling[:, k] = self._reach.admissible(k, self.asked[:, k])
@@ -186,7 +186,7 @@ class _Feedback:
 def strongest_pushes(terms: np.ndarray) -> np.ndarray:
     """Combine terms (O, ..., 3) of several obstacles: per axis max_i max(c_i, 0) + min_i min(c_i, 0).
 
-    Terms on opposite sides add up, terms on the same side do not; one obstacle's term stays as it is.
+    Terms of opposite sign add up, terms of the same sign do not; a single obstacle's term is unchanged.
     """
     return np.maximum(terms, 0.0).max(axis=0) + np.minimum(terms, 0.0).min(axis=0)
 
@@ -197,7 +197,6 @@ def _turned(vectors: np.ndarray, frames: np.ndarray) -> np.ndarray:
 
 
 def _change_sample(change: GoalChange, time: np.ndarray) -> int:
-    """Sample nearest to the change of goal."""
     sample = sample_count(change.time, time[1]) - 1
     if not 0 < sample < len(time) - 1:
         raise InputError(f"the goal changes at {change.time:g} s, outside the movement of {time[-1]:g} s")
@@ -205,6 +204,6 @@ def _change_sample(change: GoalChange, time: np.ndarray) -> int:
 
 
 def _joined(path: Trajectory, rest: Trajectory, time: np.ndarray) -> Trajectory:
-    """Two pieces (B, T_i, 3) in a row; the second begins with the last sample of the first."""
+    """Concatenate two segments (B, T_i, 3); the second begins with the last sample of the first."""
     pieces = zip(*([one.position, one.velocity, one.acceleration] for one in (path, rest)), strict=True)
     return Trajectory(time, *(np.concatenate([first, then[:, 1:]], axis=1) for first, then in pieces))

@@ -1,4 +1,4 @@
-"""What the avoidance models see of an obstacle: 17 features in the local frame (IV.8.1).
+"""Obstacle features of the avoidance models: 17 values in the local frame (IV.8.1).
 
     0-2    centre - x                                    m
     3-11   three closest points - x, closest first,
@@ -7,8 +7,7 @@
     15     |centre - x|                                  m
     16     cosine of the angle between v and the direction to the closest point
 
-The order and the last feature are those of the author's data files; the text has the angle itself, and to the
-centre.
+Order and last feature are those of the author's data files; the text uses the angle itself, to the centre.
 """
 
 from collections.abc import Callable, Mapping
@@ -30,10 +29,10 @@ NAMES = (
     "approach_cosine",
 )
 MIRROR = (1.0, -1.0, 1.0)
-"""Factors of a local vector if the scene is mirrored in the plane y = 0."""
+"""Signs of a local vector after mirroring the scene in the plane y = 0."""
 
 MIRROR_SIGNS = np.array([*MIRROR, *np.repeat(MIRROR, CLOSEST_POINTS), *MIRROR, 1.0, 1.0])
-"""Factors of the 17 columns."""
+"""Signs of the 17 columns."""
 
 CouplingModel = Callable[[np.ndarray, np.ndarray, np.ndarray], np.ndarray]
 """Avoidance model: features (B, 17), phase (B,), phase velocity (B,) -> coupling terms (B, 3) in m."""
@@ -42,7 +41,7 @@ CouplingModel = Callable[[np.ndarray, np.ndarray, np.ndarray], np.ndarray]
 def features(
     position: np.ndarray, velocity: np.ndarray, tau: float, cloud: np.ndarray, centre: np.ndarray
 ) -> np.ndarray:
-    """Features (..., 17) of a batch of states; leading axes broadcast, so many states may share one cloud.
+    """Features (..., 17) of a batch of states; leading axes broadcast, so states may share one cloud.
 
     `position` (..., 3) m; `velocity` (..., 3) m/s; `tau`: time constant in s; `cloud` (..., P, 3) m, P >= 3;
     `centre` (..., 3) m. The cosine is -1 where it is undefined: at rest, or on the closest point. Raises
@@ -55,7 +54,7 @@ def features(
         raise InputError(f"obstacle features: tau must be positive and finite, is {tau}")
     position, velocity, centre, cloud = arrays.values()
     values = np.empty((*batch, 17))
-    with np.errstate(invalid="ignore"):  # what is not finite is named below
+    with np.errstate(invalid="ignore"):  # values that are not finite are reported below
         to_points = _closest_points(position, cloud)  # (..., 3 points, 3 axes)
         values[..., TO_CENTRE] = centre - position
         values[..., TO_POINTS] = np.swapaxes(to_points, -1, -2).reshape(*to_points.shape[:-2], 9)
@@ -69,9 +68,9 @@ def features(
 
 
 def displaced(features: np.ndarray, position: np.ndarray, scaled_velocity: np.ndarray) -> np.ndarray:
-    """Features (..., 17) of the same obstacles for a hand displaced by a position and a tau v, (..., 3) m.
+    """Features (..., 17) after displacing the hand by a position and a tau v, (..., 3) m.
 
-    The three points remain those that were closest.
+    The three closest points are assumed to stay the same.
     """
     found = np.array(features, dtype=float)
     found[..., TO_CENTRE] -= position
@@ -89,7 +88,7 @@ def closest_distance(position: np.ndarray, cloud: np.ndarray) -> np.ndarray:
 
 
 def _batch_shape(arrays: Mapping[str, np.ndarray]) -> tuple[int, ...]:
-    """Common leading axes of the arguments of `features`; InputError where there are none."""
+    """Common leading axes of the arguments of `features`. Raises InputError: they do not broadcast."""
     batches = []
     for name, array in arrays.items():
         form = "(..., P, 3)" if name == "cloud" else "(..., 3)"
@@ -112,7 +111,7 @@ def _norm(vectors: np.ndarray) -> np.ndarray:
 
 
 def _cosine(velocity: np.ndarray, direction: np.ndarray) -> np.ndarray:
-    """Cosine (...) of the angle between two vectors (..., 3), -1 where one of them is zero."""
+    """Cosine (...) of the angle between two vectors (..., 3); -1 if one of them is zero."""
     lengths = _norm(velocity) * _norm(direction)
     defined = lengths > 0.0
     product = np.einsum("...i,...i", velocity, direction)
@@ -137,8 +136,8 @@ def _to_closest_points(
 ) -> None:
     """Write the vectors (N, 3, 3) from positions (N, 3) to the three closest points of clouds (M, P, 3).
 
-    Closest first, of cloud `which` (N,); NaN if anything is not finite. One pass without intermediate arrays
-    is twenty times quicker than distances, argpartition and take.
+    Closest first, in cloud `which` (N,); NaN if anything is not finite. A single pass without temporaries is
+    twenty times faster than distances, argpartition and take.
     """
     for n in range(len(positions)):
         position, cloud = positions[n], clouds[which[n]]
@@ -158,7 +157,7 @@ def _to_closest_points(
                 second, at_second = squared, i
             elif squared < third:
                 third, at_third = squared, i
-        finite = np.isfinite(total)  # comparisons with NaN are false: such a point would be passed over
+        finite = np.isfinite(total)  # comparisons with NaN are False and would skip such a point
         for d in range(3):
             vectors[n, 0, d] = cloud[at_first, d] - position[d] if finite else np.nan
             vectors[n, 1, d] = cloud[at_second, d] - position[d] if finite else np.nan

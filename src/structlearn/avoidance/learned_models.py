@@ -1,8 +1,8 @@
-"""Files of avoidance models of four kinds, and the phase-modulated network on obstacle features.
+"""Files of the four kinds of avoidance models, and phase-modulated networks on obstacle features.
 
-The phase-modulated network on obstacle features is named as future work in IV.8: one network per axis of the
-coupling term (eq. IV.27-IV.30), trained as one stack on the same draws. Where the phase rests there is no
-coupling: such a model needs no post-processing to let a movement reach its goal.
+Phase-modulated networks on obstacle features are named as future work in IV.8: one network per axis of the
+coupling term (eq. IV.27-IV.30), trained as one stack on the same batches. The coupling term vanishes with the
+phase velocity, so such a model reaches the goal without post-processing.
 """
 
 from collections.abc import Callable, Mapping, Sequence
@@ -24,17 +24,17 @@ from structlearn.feedback.models.pmnn import PhaseModulatedNetwork
 NETWORK, ENSEMBLE = "network", "ensemble"
 
 HUMAN_INSPIRED, PHASE_MODULATED = "human_inspired", "phase_modulated"
-"""Kinds of models: names of their files, and in tables."""
+"""Kinds of models, also the names of their files and in tables."""
 
 SETTING, ALL = "setting", "all"
-"""What a model learned from, if not all scenarios of a shape: a single scenario, or all of them."""
+"""Training sets other than all scenarios of a shape: a single scenario, or all of them."""
 
 
 @dataclass(frozen=True)
 class PhaseModulatedAvoidance:
     """A coupling model of one network per axis."""
 
-    networks: tuple[AxisModel, ...]  # of x, y and z, with the same number of kernels
+    networks: tuple[AxisModel, ...]  # for x, y and z, with equal numbers of kernels
 
     def __call__(self, features: np.ndarray, phase: np.ndarray, phase_velocity: np.ndarray) -> np.ndarray:
         """Coupling terms (B, 3) in m of features (B, 17), phase (B,) and phase velocity (B,)."""
@@ -45,7 +45,7 @@ class PhaseModulatedAvoidance:
 def train_phase_modulated(
     dataset: AvoidanceDataset, parameters: TrainingParameters, hidden: Sequence[int]
 ) -> PhaseModulatedAvoidance:
-    """Train on all samples but those for early stopping; chunks of consecutive samples are split together.
+    """Train on all samples except those for early stopping; consecutive samples are split in chunks.
 
     Raises InputError: too few samples, or the target of an axis is constant.
     """
@@ -67,7 +67,7 @@ def train_phase_modulated(
 
 
 def write_phase_modulated(models: Mapping[str, PhaseModulatedAvoidance], path: str | Path) -> None:
-    """Publish named models as one safetensors file; its networks are called `<name>.<axis>`."""
+    """Publish named models as one safetensors file; networks are called `<name>.<axis>`."""
     networks = [
         (f"{name}.{axis}", network)
         for name, model in models.items()
@@ -77,7 +77,7 @@ def write_phase_modulated(models: Mapping[str, PhaseModulatedAvoidance], path: s
 
 
 def read_phase_modulated(path: str | Path) -> dict[str, PhaseModulatedAvoidance]:
-    """Read the models of a file, keyed by name in alphabetical order; InputError if one lacks an axis."""
+    """Read the models of a file, by name. Raises InputError: an axis is missing."""
     networks = read_networks(path)
     names = sorted({name.rpartition(".")[0] for name in networks})
     if set(networks) != {f"{name}.{axis}" for name in names for axis in AXES}:
@@ -88,8 +88,8 @@ def read_phase_modulated(path: str | Path) -> dict[str, PhaseModulatedAvoidance]
 
 
 AvoidanceModels = Mapping[str, Mapping[str, Any]]
-"""Coupling models of one person by kind, then by what they learned from: a shape, `all`, or `setting`, a
-stack with a model for each of some scenarios. Phase-modulated networks may be missing."""
+"""Coupling models of one person by kind, then by training set: a shape, `all`, or `setting`, a stack with one
+model per scenario. Phase-modulated networks may be missing."""
 
 FORMATS: dict[str, tuple[Callable[..., dict[str, Any]], Callable[..., None]]] = {
     NETWORK: (read_avoidance_networks, write_avoidance_networks),
@@ -97,7 +97,7 @@ FORMATS: dict[str, tuple[Callable[..., dict[str, Any]], Callable[..., None]]] = 
     HUMAN_INSPIRED: (read_human_inspired, write_human_inspired),
     PHASE_MODULATED: (read_phase_modulated, write_phase_modulated),
 }
-"""How the models of each kind are read and written."""
+"""Reader and writer of each kind of model."""
 
 
 def write_models(models: AvoidanceModels, folder: str | Path) -> None:
@@ -108,7 +108,7 @@ def write_models(models: AvoidanceModels, folder: str | Path) -> None:
 
 
 def read_models(folder: str | Path) -> AvoidanceModels:
-    """Read what `write_models` wrote; InputError: a file is missing or holds something else."""
+    """Read models of `write_models`. Raises InputError: a file is missing or another file."""
     files = {kind: Path(folder, f"{kind}.safetensors") for kind in FORMATS}
     wanted = [kind for kind, file in files.items() if kind != PHASE_MODULATED or file.exists()]
     return {kind: FORMATS[kind][0](files[kind]) for kind in wanted}

@@ -2,14 +2,14 @@
 
     w <- w - (b J^T J + (a + mu) I)^-1 (b J^T e + a w)
 
-With 1000 samples an iteration takes 25 ms, 13 of them in `normal_equations` and 3 in each Cholesky factor of
-the 603 x 603 matrix. Calls are cheap beside that, so networks are trained one by one over processes: each
-stops on its own, and they need not have equally many samples.
+With 1000 samples an iteration takes 25 ms: 13 in `normal_equations` and 3 in each Cholesky factorisation of
+the 603 x 603 matrix. Call overhead is small beside that, so networks are trained one by one, distributed over
+processes: each stops independently, with its own number of samples.
 
 There are two stopping rules. `validation` is MATLAB's trainlm (a = 0, b = 1): stop after some iterations
-without gain on validation samples, keep the best. `evidence` needs no validation samples: weight decay a and
-precision b are re-estimated after every step from the number of weights that the data determine (MacKay
-1992; Foresee & Hagan 1997, MATLAB's trainbr).
+without improvement on validation samples, and keep the best. `evidence` needs no validation samples: weight
+decay a and precision b are re-estimated after every step from the number of weights that the data determine
+(MacKay 1992; Foresee & Hagan 1997, MATLAB's trainbr).
 
 The Jacobian of 1000 samples and three outputs by 603 weights is never formed. For layer l, output o and
 sample s its entries are h_si d_soj, an activation times a backpropagated slope, so that
@@ -17,8 +17,8 @@ sample s its entries are h_si d_soj, an activation times a backpropagated slope,
     (J^T J)_{(l i j)(m k n)} = sum_s (h_si h_sk) (sum_o d_soj d_son)
 
 is one matrix product per pair of layers, with outputs summed first and symmetric halves left out: an eighth
-of the operations. Single precision would be twice as fast, but limits how far damping can fall: results
-change as much as with another seed.
+of the operations. Single precision would be twice as fast, but limits how far the damping can fall; results
+then change as much as with another seed.
 """
 
 from collections.abc import Sequence
@@ -34,24 +34,24 @@ from scipy.linalg import LinAlgError, cho_factor, cho_solve, cholesky, lapack
 from structlearn.avoidance.avoidance_network import Layers, forward
 from structlearn.core.params import Parameters
 
-CHUNK_SAMPLES = 256  # products of activations of so many samples stay in a core's cache
+CHUNK_SAMPLES = 256  # samples per chunk, so that products of activations fit into a core's cache
 
-FIRST_DAMPING = 1e-3  # mu at the start; it falls tenfold after a gain and grows tenfold until there is one
+FIRST_DAMPING = 1e-3  # initial mu; tenfold less after an improvement, tenfold more until there is one
 LARGEST_DAMPING = 1e10
-SMALLEST_DAMPING = 1e-12  # below, damping no longer changes a sum of squares of order one in double precision
+SMALLEST_DAMPING = 1e-12  # below it, damping has no effect in double precision
 DAMPING_FACTOR = 10.0
-PATIENCE = 6  # with `validation`, iterations without gain after which training stops
-VALIDATION_SHARE = 0.15  # with `validation`, of the training demonstrations or blocks of samples
+PATIENCE = 6  # for `validation`: iterations without improvement before stopping
+VALIDATION_SHARE = 0.15  # for `validation`: of the training demonstrations or blocks of samples
 
 SLOW_STEPS, TOLERANCE = 3, 1e-4
-"""Training stops after so many steps in a row that gain less than this share of the error."""
+"""Training stops after this many consecutive steps that reduce the error by less than this share."""
 
-WEIGHTS, SPLIT, SEEN = 0, 1, 2  # last number of a network's streams of random numbers
+WEIGHTS, SPLIT, SEEN = 0, 1, 2  # last number of a network's random streams
 VALIDATION, EVIDENCE = "validation", "evidence"
-FIRST_DECAY = 0.01  # of `evidence` before the first estimate, in units of the precision
+FIRST_DECAY = 0.01  # for `evidence`: before the first estimate, relative to the precision
 
 SETTLING_STEPS = 5
-"""Steps before the first estimate: random weights explain nothing, so decay would remove them."""
+"""Steps before the first estimate: random weights explain nothing, and decay would remove them."""
 
 
 class Samples(NamedTuple):
@@ -62,9 +62,9 @@ class Samples(NamedTuple):
 
 
 def normal_equations(layers: Layers, samples: Samples) -> tuple[np.ndarray, np.ndarray]:
-    """J^T J (P, P) and J^T e (P,) of the errors e = output - target by all P weights, layer by layer.
+    """J^T J (P, P) and J^T e (P,) for the errors e = output - target and all P weights, layer by layer.
 
-    Of the blocks of two different layers only those above the diagonal are filled.
+    Among blocks of two different layers, only those above the diagonal are filled.
     """
     count = len(layers)
     starts = np.cumsum([0, *(layer.size for layer in layers)])
@@ -100,7 +100,7 @@ def squared_error(layers: Layers, samples: Samples) -> float:
 
 
 def _activations(layers: Layers, inputs: np.ndarray) -> tuple[list[np.ndarray], np.ndarray]:
-    """What goes into each layer with a one for its biases, (S, before + 1) each, and the outputs (S, O)."""
+    """Inputs of each layer with a one for the biases, (S, before + 1) each, and the outputs (S, O)."""
     values, activations = inputs, []
     ones = np.ones((len(inputs), 1))
     for place, layer in enumerate(layers):
@@ -112,7 +112,7 @@ def _activations(layers: Layers, inputs: np.ndarray) -> tuple[list[np.ndarray], 
 
 
 def _slopes(layers: Layers, activations: Sequence[np.ndarray]) -> list[np.ndarray]:
-    """Derivatives of the outputs by what each layer adds up, (S, O, after) each."""
+    """Derivatives of the outputs by each layer's pre-activations, (S, O, after) each."""
     samples, outputs = len(activations[0]), layers[-1].shape[1]
     slopes = [np.broadcast_to(np.eye(outputs), (samples, outputs, outputs))]
     for layer, values in zip(layers[:0:-1], activations[:0:-1], strict=True):
@@ -122,7 +122,7 @@ def _slopes(layers: Layers, activations: Sequence[np.ndarray]) -> list[np.ndarra
 
 
 def _products(first: np.ndarray, second: np.ndarray, halved: bool) -> np.ndarray:
-    """Products of all pairs of rows (pairs, S); of the upper triangle only, if halved."""
+    """Products of all pairs of rows (pairs, S), or of the upper triangle only."""
     if halved:
         rows, columns = _upper(len(first))
         return first[rows] * first[columns]
@@ -130,7 +130,7 @@ def _products(first: np.ndarray, second: np.ndarray, halved: bool) -> np.ndarray
 
 
 def _unfolded(block: np.ndarray, first: tuple[int, int], second: tuple[int, int]) -> np.ndarray:
-    """Block (pairs of inputs, pairs of nodes) as a block of J^T J: (weights of one layer, of another)."""
+    """Reorder a block (pairs of inputs, pairs of nodes) to a block of J^T J (weights, weights)."""
     if block.size == first[0] * second[0] * first[1] * second[1]:
         full = block.reshape(first[0], second[0], first[1], second[1]).transpose(0, 2, 1, 3)
         return full.reshape(first[0] * first[1], second[0] * second[1])
@@ -139,7 +139,7 @@ def _unfolded(block: np.ndarray, first: tuple[int, int], second: tuple[int, int]
 
 @cache
 def _folded(shape: tuple[int, int]) -> np.ndarray:
-    """Place of each pair of weights (P, P) of a layer in its block of halved pairs."""
+    """Index of each pair of weights (P, P) of a layer in its halved block."""
     inputs, nodes = (_triangle(size) for size in shape)
     places = inputs[:, None, :, None] * (nodes.max() + 1) + nodes[None, :, None, :]
     return places.reshape(shape[0] * shape[1], -1)
@@ -152,7 +152,7 @@ def _upper(size: int) -> tuple[np.ndarray, np.ndarray]:
 
 
 def _triangle(size: int) -> np.ndarray:
-    """Place of each pair (size, size) among those of the upper triangle, whichever comes first."""
+    """Index (size, size) of each symmetric pair in the list of upper-triangle entries."""
     places = np.zeros((size, size), dtype=int)
     rows, columns = _upper(size)
     places[rows, columns] = np.arange(len(rows))
@@ -160,7 +160,7 @@ def _triangle(size: int) -> np.ndarray:
 
 
 class LevenbergMarquardtParameters(Parameters):
-    """How a network is trained. Fields: `params.yaml`, `obstacle_training.per_setting.training`."""
+    """Training of an avoidance network. Fields: `params.yaml`, `obstacle_training.per_setting.training`."""
 
     rule: Literal["validation", "evidence"]
     iterations: PositiveInt
@@ -168,7 +168,7 @@ class LevenbergMarquardtParameters(Parameters):
 
 
 def initial_layers(sizes: Sequence[int], rng: np.random.Generator) -> list[np.ndarray]:
-    """Random layers (before + 1, after): weights of variance 2 / before (ReLU keeps half), small biases."""
+    """Random layers (before + 1, after): weights of variance 2 / before (for ReLU), small biases."""
     layers = []
     for before, after in pairwise(sizes):
         weights = rng.normal(size=(before, after)) * (2.0 / before) ** 0.5
@@ -182,9 +182,9 @@ def train(
     parameters: LevenbergMarquardtParameters,
     validation: Samples | None = None,
 ) -> tuple[np.ndarray, ...]:
-    """Layers of one network, trained from given ones.
+    """Train one network from given layers, and return its layers.
 
-    Raises ValueError: validation samples are missing, or given to the other rule.
+    Raises ValueError: validation samples are missing, or given for the other rule.
     """
     if (parameters.rule == VALIDATION) != (validation is not None):
         raise ValueError(
@@ -217,7 +217,7 @@ def train(
 
 @dataclass(frozen=True)
 class _Prior:
-    """Weights of the two terms of the objective."""
+    """Weights of the two terms of the objective (evidence framework)."""
 
     decay: float
     precision: float
@@ -226,7 +226,7 @@ class _Prior:
         return self.precision * error + self.decay * float(weights @ weights)
 
     def reestimated(self, products: np.ndarray, weights: np.ndarray, error: float, count: int) -> "_Prior":
-        """MacKay's estimates of decay and precision; as they were, where the matrix has no factor."""
+        """MacKay's estimates of decay and precision; unchanged if the matrix is not positive definite."""
         try:
             shifted = _shifted(self.precision * products, self.decay)
             factor = cholesky(shifted, lower=True, overwrite_a=True, check_finite=False)
@@ -248,7 +248,7 @@ def _accepted_step(
     shapes: Sequence[tuple[int, ...]],
     damping: float,
 ) -> tuple[np.ndarray, float, float] | None:
-    """New weights, their squared error and the next damping; None where no damping gives a gain."""
+    """New weights, their squared error and the next damping; None if no damping gives an improvement."""
     right = prior.precision * gradient + prior.decay * weights
     while damping <= LARGEST_DAMPING:
         shifted = _shifted(prior.precision * products, prior.decay + damping)
@@ -266,12 +266,12 @@ def _accepted_step(
 
 
 def _shifted(matrix: np.ndarray, shift: float) -> np.ndarray:
-    """The matrix with a shift added to its diagonal, in place; its lower half, as the library lies it out."""
+    """Add a shift to the diagonal in place; returns the lower triangle in the library's memory layout."""
     matrix[np.diag_indices_from(matrix)] += shift
     return matrix.T
 
 
 def _layers(weights: np.ndarray, shapes: Sequence[tuple[int, ...]]) -> list[np.ndarray]:
-    """A vector of weights (P,) as layers of given shapes."""
+    """Layers of given shapes from a vector of weights (P,)."""
     ends = np.cumsum([np.prod(shape) for shape in shapes])
     return [part.reshape(shape) for part, shape in zip(np.split(weights, ends[:-1]), shapes, strict=True)]

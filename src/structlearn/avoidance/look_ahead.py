@@ -1,14 +1,14 @@
-"""Features of a whole scene: the way ahead along the cost-to-go of a plane (beyond IV.8).
+"""Features of a whole scene: the way ahead along a planar cost-to-go (beyond IV.8).
 
-The 17 features of the text see one obstacle, so their models ignore others beside it and may go where there
-is no gap. Here any number of shapes act through the distance d to the nearest of them:
+The 17 features of the text describe one obstacle, so their models ignore others beside it and may head where
+there is no gap. Here any number of shapes act through the distance d to the nearest of them:
 
     w(x) = 1 + a exp(-max(d, 0) / s) + b max(0, 1 - d / r)         |grad C(x)| = w(x),  C(goal) = 0
 
-C, the cost of the cheapest way from x to the goal, is found on a grid over the horizontal plane of the reach
-by fast sweeping (Zhao 2005), first-order upwind. The steepest descent of C is that way. Models see where it
-leads within some distances, in the local frame; from people they learn how closely, when and how smoothly it
-is followed. Ways over or under an obstacle are not searched.
+C, the cost of the cheapest path from x to the goal, is computed on a grid over the horizontal plane of the
+reach by fast sweeping (Zhao 2005), first-order upwind; its steepest descent is that path. Models see where
+the path leads within some distances, in the local frame; from people they learn how closely, when and how
+smoothly it is followed. Paths over or under an obstacle are not searched.
 """
 
 from collections.abc import Sequence
@@ -23,9 +23,9 @@ from structlearn.core.compilation import numba
 from structlearn.core.errors import InputError
 from structlearn.core.params import Parameters
 
-SWEEPS = 40  # at most, over the grid in its four directions; ways with many bends take about ten
-TOLERANCE = 1e-9  # m of cost-to-go; sweeping ends when no cell gains more
-STEP_CELLS = 0.5  # step along the way, in cells: the direction is interpolated between their centres
+SWEEPS = 40  # maximum, each over the grid in four directions; paths with many bends take about ten
+TOLERANCE = 1e-9  # m of cost-to-go; sweeping ends when no cell improves by more
+STEP_CELLS = 0.5  # step along the path, in cells; directions are interpolated between their centres
 
 
 class LookAheadParameters(Parameters):
@@ -42,18 +42,18 @@ class LookAheadParameters(Parameters):
 
 @dataclass(frozen=True)
 class CostToGo:
-    """Cheapest ways to one goal in a plane."""
+    """Cost-to-go and cheapest paths to one goal in a plane."""
 
     origin: np.ndarray  # (2,) m, centre of the first cell, base frame
     cell: float  # m
     goal: np.ndarray  # (2,) m
-    cost: np.ndarray  # (X, Y) m of open way, cost-to-go at the cells' centres
-    direction: np.ndarray  # (X, Y, 2) unit vectors of its steepest descent, 0 at the goal
+    cost: np.ndarray  # (X, Y) cost-to-go at the cells' centres, in m of free path
+    direction: np.ndarray  # (X, Y, 2) unit vectors of steepest descent, 0 at the goal
 
     def ways(self, points: np.ndarray, ahead: Sequence[float] | np.ndarray) -> np.ndarray:
-        """Points (N, L, 2) m on the cheapest ways from points (N, 2), increasing distances `ahead` (L,) m on.
+        """Points (N, L, 2) m on the cheapest paths from points (N, 2), at rising distances `ahead` (L,) m.
 
-        Beyond its end a way stays at the goal; the grid continues beyond its edge as at it.
+        A path ends at the goal; outside the grid, values are those at its edge.
         """
         found = np.empty((len(points), len(ahead), 2))
         grid = (self.origin, self.cell, self.goal, self.direction)
@@ -61,7 +61,7 @@ class CostToGo:
         return found
 
     def at(self, points: np.ndarray) -> np.ndarray:
-        """Cost-to-go (N,) of points (N, 2), bilinear between the centres of cells."""
+        """Cost-to-go (N,) at points (N, 2), by bilinear interpolation."""
         place = np.clip((points - self.origin) / self.cell, 0.0, np.array(self.cost.shape) - 1.000001)
         corner = place.astype(int)
         (i, j), (u, v) = corner.T, (place - corner).T
@@ -73,7 +73,7 @@ class CostToGo:
 def cost_to_go(
     shapes: Sequence[Obstacle], start: np.ndarray, goal: np.ndarray, parameters: LookAheadParameters
 ) -> CostToGo:
-    """Cheapest ways past all shapes in the horizontal plane halfway up the reach, base frame.
+    """Cost-to-go past all shapes in the horizontal plane halfway up the reach, base frame.
 
     The grid covers `start` and `goal`, (3,) m. Raises InputError: one of them is not finite.
     """
@@ -97,13 +97,13 @@ def cost_to_go(
 
 
 def nearest_distance(shapes: Sequence[Obstacle], points: np.ndarray) -> np.ndarray:
-    """Signed distance (...) m of points (..., 3) to the nearest shape, infinite where there is none."""
+    """Signed distance (...) m of points (..., 3) to the nearest shape; infinite without shapes."""
     distances = [shape.signed_distance(points) for shape in shapes]
     return np.min(distances, axis=0) if distances else np.full(points.shape[:-1], np.inf)
 
 
 def way_cost(distance: np.ndarray, parameters: LookAheadParameters) -> np.ndarray:
-    """Cost w (...) of a way per length, at signed distances (...) m from the nearest shape."""
+    """Cost w (...) per length of path, at signed distances (...) m from the nearest shape."""
     near = parameters.nearness_cost * np.exp(-np.maximum(distance, 0.0) / parameters.nearness_m)
     return 1.0 + near + parameters.blocked_cost * np.maximum(0.0, 1.0 - distance / parameters.clearance_m)
 
@@ -117,12 +117,12 @@ def scene_features(
     goal: np.ndarray,
     ahead: Sequence[float],
 ) -> np.ndarray:
-    """Features (N, 2 L + 9) of a scene and of the hand's movement, in the local frame of the reach.
+    """Features (N, 2 L + 9) of a scene and of the hand's motion, in the local frame of the reach.
 
     `position` (N, 3) m relative to the start; `scaled_velocity` (N, 3) tau v, m; `start` (3,) m, base frame;
-    `frame` (3, 3) local to base; `goal` (3,) m, local frame; `ahead` (L,) m. Columns: x and y of where the
-    way leads within each distance; excess of its cost over a straight way in the open; vector to the goal;
-    tau v; y and z of the hand.
+    `frame` (3, 3) local to base; `goal` (3,) m, local frame; `ahead` (L,) m. Columns: x and y of the path at
+    each distance ahead; excess of its cost over a straight free path; vector to the goal; tau v; y and z of
+    the hand.
     """
     here = (position @ frame.T + start)[:, :2]
     way = scene.ways(here, ahead) - here[:, None]  # horizontal: no z in the base frame
@@ -132,13 +132,13 @@ def scene_features(
 
 
 def mirror_signs(parameters: LookAheadParameters) -> np.ndarray:
-    """Factors (F,) of the columns of `scene_features` if the scene is mirrored in the plane y = 0."""
+    """Signs (F,) of the columns of `scene_features` after mirroring the scene in the plane y = 0."""
     led = [1.0, -1.0] * len(parameters.ahead_m)
     return np.array([*led, 1.0, *MIRROR, *MIRROR, *MIRROR[1:]])
 
 
 def _descent(cost: np.ndarray) -> np.ndarray:
-    """Unit vectors (X, Y, 2) towards smaller cost, by the neighbours that the cost of a cell comes from."""
+    """Unit vectors (X, Y, 2) of descent, from the upwind neighbours of each cell."""
     descent, padded = np.zeros((*cost.shape, 2)), np.pad(cost, 1, constant_values=np.inf)
     neighbours = ((padded[:-2, 1:-1], padded[2:, 1:-1]), (padded[1:-1, :-2], padded[1:-1, 2:]))
     for axis, (before, after) in enumerate(neighbours):
@@ -150,7 +150,7 @@ def _descent(cost: np.ndarray) -> np.ndarray:
 
 @numba.njit(cache=True)
 def _seed(cost: np.ndarray, weight: np.ndarray, origin: np.ndarray, cell: float, goal: np.ndarray) -> None:
-    """The cells around the goal: straight ways to it."""
+    """Initialise the cells around the goal with straight paths."""
     i, j = int((goal[0] - origin[0]) / cell), int((goal[1] - origin[1]) / cell)
     for a in range(max(i, 0), min(i + 2, cost.shape[0])):
         for b in range(max(j, 0), min(j + 2, cost.shape[1])):
@@ -195,7 +195,7 @@ def _follow(
     ahead: np.ndarray,
     found: np.ndarray,
 ) -> None:
-    """Write the points (N, L, 2) that lie distances `ahead` along the steepest descent."""
+    """Write the points (N, L, 2) at distances `ahead` along the steepest descent."""
     rows, columns = direction.shape[:2]
     for n in range(len(points)):
         x, y, gone = points[n, 0], points[n, 1], 0.0
@@ -203,7 +203,7 @@ def _follow(
             while gone < ahead[k]:
                 step = min(STEP_CELLS * cell, ahead[k] - gone)
                 left = np.hypot(goal[0] - x, goal[1] - y)
-                if left <= max(step, 1.5 * cell):  # the last cells: straight on
+                if left <= max(step, 1.5 * cell):  # straight through the last cells
                     share = min(1.0, step / left) if left > 0.0 else 1.0
                     x += share * (goal[0] - x)
                     y += share * (goal[1] - y)

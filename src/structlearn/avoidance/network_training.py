@@ -1,19 +1,19 @@
 """Avoidance models learned from demonstrations: per setting, per shape, for all shapes (IV.8.5, IV.8.6).
 
 A fifth of the demonstrations of every scenario is held out. The dissertation does not say whether its 80/20
-split is by samples or demonstrations; neighbouring samples are nearly equal, so other samples of a training
-demonstration would test little.
+split is by samples or by demonstrations; neighbouring samples are nearly equal, so holding out samples of
+training demonstrations would test little.
 
-Beside single networks, as in the text, there are ensembles: means of networks that each see some of the
-demonstrations, displaced. A single network sees how fast a hand already avoids and learns that a hand that
+Besides single networks, as in the text, there are ensembles: means of networks that each see some of the
+demonstrations, displaced. A single network sees how fast a hand already avoids, and learns that a hand that
 has not begun to avoid need not; in closed loop this confirms itself, and the hand goes straight on. Members
-of an ensemble see every sample from a random state (x + dx, v + dv) across the reach, with the coupling term
-that was demonstrated. The displacement is the difference of two solutions of the transformation system with
-the same coupling term, so it decays by the primitive's own attraction:
+of an ensemble see every sample from a random state (x + dx, v + dv) across the reach, with the demonstrated
+coupling term. The displacement is the difference of two solutions of the transformation system with the same
+coupling term, so it decays by the primitive's own attraction:
 
     tau^2 dx'' = -alpha (beta dx + tau dx')
 
-Members can therefore choose by the obstacle only, not by what was done before.
+Members can therefore only rely on the obstacle, not on the motion so far.
 """
 
 from collections.abc import Sequence
@@ -35,11 +35,11 @@ from structlearn.core.parallel import parallel_map
 from structlearn.core.params import Parameters
 
 COLUMNS = {"features": (), "phase_velocity": (1,), "phase": (0, 1)}
-"""What a network sees behind the features, of phase (0) and phase velocity (1). The text's: nothing."""
+"""Inputs of a network besides the features: phase (0) and phase velocity (1). The text uses neither."""
 
 
 def seen_columns(inputs: str, features: int = 17) -> tuple[int, ...]:
-    """Columns of features, phase and phase velocity side by side that belong to one of `COLUMNS`."""
+    """Columns of (features, phase, phase velocity) selected by one of `COLUMNS`."""
     return (*range(features), *(features + column for column in COLUMNS[inputs]))
 
 
@@ -53,7 +53,7 @@ class NetworkParameters(Parameters):
 
 
 class EnsembleParameters(NetworkParameters):
-    """A mean of networks that see displaced demonstrations. Fields: `obstacle_training.ensemble`."""
+    """A mean of networks trained on displaced demonstrations. Fields: `obstacle_training.ensemble`."""
 
     demonstrations: PositiveInt
     displaced_m: float = Field(ge=0, le=0.5)
@@ -70,7 +70,7 @@ class SplitParameters(Parameters):
 def held_out_rows(dataset: AvoidanceDataset, parameters: SplitParameters) -> np.ndarray:
     """Mask (S,) of held-out samples: whole demonstrations, the same share of every scenario.
 
-    Raises InputError: a scenario has one demonstration only.
+    Raises InputError: a scenario has only one demonstration.
     """
     mask = np.zeros(len(dataset), dtype=bool)
     for scenario in np.unique(dataset.scenario):
@@ -87,7 +87,7 @@ def held_out_rows(dataset: AvoidanceDataset, parameters: SplitParameters) -> np.
 def fit_networks(
     datasets: Sequence[AvoidanceDataset], parameters: NetworkParameters, description: str
 ) -> AvoidanceNetworks:
-    """Train one network per dataset of training samples, each the mean of its members, over processes.
+    """Train one network per dataset, each the mean of its members, distributed over processes.
 
     Raises InputError: the target of an axis is constant, or there are too few samples.
     """
@@ -105,20 +105,20 @@ def fit_networks(
 def member_samples(
     dataset: AvoidanceDataset, parameters: EnsembleParameters, stream: Sequence[int]
 ) -> AvoidanceDataset:
-    """Training samples of one member of an ensemble: some demonstrations, displaced; `stream` seeds it."""
+    """Training samples of one ensemble member: displaced demonstrations; `stream` seeds it."""
     rng = np.random.default_rng([parameters.training.seed, *stream, lm.SEEN])
     which = _demonstrations(dataset)
     chosen = rng.permutation(which.max() + 1)[: parameters.demonstrations]
     seen = dataset.where(np.isin(which, chosen))
     sizes = np.array([parameters.displaced_m, parameters.displaced_velocity_m])[:, None, None]
-    off = sizes * rng.standard_normal((2, len(seen), 3)) * (0.0, 1.0, 1.0)  # nothing acts along x
+    off = sizes * rng.standard_normal((2, len(seen), 3)) * (0.0, 1.0, 1.0)  # no displacement along x
     return replace(seen, features=displaced(seen.features, *off))
 
 
 def stacked(
     layers: Sequence[Layers], datasets: Sequence[AvoidanceDataset], parameters: NetworkParameters
 ) -> AvoidanceNetworks:
-    """Networks of `train_member`, or means of them, each with the dataset that it was trained on."""
+    """Stack of networks of `train_member`, or of their means, each with its training dataset."""
     columns = seen_columns(parameters.inputs, datasets[0].features.shape[1])
     ranges = [avoidance_network.input_range(_inputs(one, columns)) for one in datasets]
     targets = [one.target for one in datasets]
@@ -140,11 +140,11 @@ def train_member(
     stream: Sequence[int],
     seen: AvoidanceDataset | None = None,
 ) -> tuple[np.ndarray, ...]:
-    """Layers of one network for `stacked`, trained from random weights in this process.
+    """Train one network from random weights in this process, and return its layers for `stacked`.
 
-    `dataset`: training samples, whose ranges scale inputs and outputs; `seen`: the samples that it learns
-    from; default all; `stream` seeds it. Raises InputError: the target of an axis is constant, or there is
-    one demonstration and none to validate.
+    `dataset`: training samples, whose ranges scale inputs and outputs; `seen`: the samples to learn from,
+    default: all; `stream` seeds it. Raises InputError: the target of an axis is constant, or there is only
+    one demonstration and so none for validation.
     """
     columns = seen_columns(parameters.inputs, dataset.features.shape[1])
     seen = dataset if seen is None else seen
@@ -163,7 +163,7 @@ def train_member(
 
 
 def trained(work: tuple[Any, ...]) -> tuple[np.ndarray, ...]:
-    """`train_member` of its arguments; by default a member of an ensemble sees `member_samples`."""
+    """`train_member`; an ensemble member learns from `member_samples` unless given other samples."""
     dataset, parameters, stream, *seen = work
     if isinstance(parameters, EnsembleParameters) and not seen:
         seen = [member_samples(dataset, parameters, stream)]
@@ -171,16 +171,16 @@ def trained(work: tuple[Any, ...]) -> tuple[np.ndarray, ...]:
 
 
 def fit_human_inspired_models(datasets: Sequence[AvoidanceDataset], description: str) -> HumanInspiredModels:
-    """Fit one model of Rai et al. per dataset, over processes; InputError with too few samples."""
+    """Fit one model of Rai et al. per dataset, over processes. Raises InputError: too few samples."""
     models = parallel_map(_steered, datasets, description)
     return HumanInspiredModels(np.concatenate([model.weights for model in models]))
 
 
 def fit_errors(dataset: AvoidanceDataset, test: np.ndarray, model: CouplingModel) -> list[dict[str, Any]]:
-    """Training and test errors of a model, with the mask (S,) of test samples, a row per `part`.
+    """Training and test errors of a model, given the mask (S,) of test samples; one row per `part`.
 
     `part` is `train` or `test`; `nmse_x`, `nmse_y`, `nmse_z` and their mean `nmse`; `dominant` (see
-    `dominant_axis`, of a single scenario, or "") and `nmse_dominant` (or NaN).
+    `dominant_axis`, for a single scenario, or "") and `nmse_dominant` (or NaN).
     """
     axis, rows = dominant_axis(dataset) if len(np.unique(dataset.scenario)) == 1 else None, []
     for part, chosen in (("train", ~test), ("test", test)):
@@ -194,11 +194,11 @@ def fit_errors(dataset: AvoidanceDataset, test: np.ndarray, model: CouplingModel
 
 
 def dominant_axis(dataset: AvoidanceDataset) -> str | None:
-    """The axis across the reach along which the demonstrations of a scenario avoid its obstacle, if any.
+    """Axis across the reach along which a scenario's demonstrations avoid the obstacle, if any.
 
-    The dissertation counts 43 of 120 such scenarios and does not say how. Here it is the axis, y or z, along
-    which the mean coupling term over the demonstrations is larger (rms over phase), if it exceeds the
-    scatter of single demonstrations, and `DOMINANCE` times the mean of the other axis.
+    The dissertation counts 43 of 120 such scenarios and does not say how. Here it is the axis, y or z, with
+    the larger mean coupling term over the demonstrations (RMS over phase), if that exceeds the scatter of
+    single demonstrations and `DOMINANCE` times the mean of the other axis.
     """
     fractions = np.linspace(0.0, 1.0, COURSE_SAMPLES)
     courses = []  # per demonstration the targets (COURSE_SAMPLES, 2) along y and z in normalised time
@@ -214,8 +214,8 @@ def dominant_axis(dataset: AvoidanceDataset) -> str | None:
     return AXES[1 + axis] if dominates else None
 
 
-DOMINANCE = 1.5  # how much larger the coupling along the dominant axis is than along the other
-COURSE_SAMPLES = 50  # of a demonstration in normalised time
+DOMINANCE = 1.5  # least ratio of the coupling along the dominant axis to that along the other
+COURSE_SAMPLES = 50  # per demonstration in normalised time
 
 
 def _inputs(dataset: AvoidanceDataset, columns: Sequence[int]) -> np.ndarray:
@@ -231,7 +231,7 @@ def _demonstrations(dataset: AvoidanceDataset) -> np.ndarray:
 def _validation_rows(
     dataset: AvoidanceDataset, training: lm.LevenbergMarquardtParameters, stream: Sequence[int]
 ) -> np.ndarray:
-    """Mask (S,) of whole demonstrations for early stopping; InputError where there is only one."""
+    """Mask (S,) of whole demonstrations for early stopping. Raises InputError: there is only one."""
     which = _demonstrations(dataset)
     number = int(which.max()) + 1
     if number < 2:

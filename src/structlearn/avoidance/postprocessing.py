@@ -5,29 +5,29 @@
     beyond goal      0                           where x_goal < x_first
 
 x_first and x_last are the smallest and largest x of the obstacle's points. The text prints the obstacle's x
-for both, and no k; the author's code has the points and k = 10 1/m^2, and so it is here.
+for both, and no k; here, as in the author's code, they are those of the points, and k = 10 1/m^2.
 
-These rules alone do not bring the movement to its goal. A coupling term of 1 holds it 6.4 mm off, 1 / (alpha
-beta), networks ask for tens, and past an obstacle close to the goal, or level with it, hardly anything fades.
+These rules alone do not bring the movement to its goal. A coupling term of 1 shifts it by 6.4 mm, 1 / (alpha
+beta), networks output tens, and past an obstacle close to the goal, or level with it, the term hardly fades.
 So the deviation is limited too (`GoalReach`). The transformation system is linear, so a coupled movement is
-the baseline plus a deviation y = (dx, tau dv) that only the coupling term drives; it is held over a step, so
-the step is exact (`primitives.transformation`):
+the baseline plus a deviation y = (dx, tau dv) driven by the coupling term alone. The term is held over a
+step, so the step is exact (`primitives.transformation`):
 
     y_{k+1} = A y_k + b c_k          D_k = first row of A^(n - k) y_k          D_{k+1} = D_k + g_k c_k
 
-D_k is the deviation that will be left at sample n, the deadline, if nothing acts from now on. A coupling
-term of length r that leads straight back takes r (g_k + ... + g_{n-1}) off it, hence a movement can still
-be brought back within the limit as long as
+D_k is the deviation that will remain at sample n, the deadline, if no coupling acts from now on. A coupling
+term of length r pointing straight back reduces it by r (g_k + ... + g_{n-1}), hence a movement can still be
+brought back within the limit as long as
 
     |D_k| <= limit + r (g_k + ... + g_{n-1})
 
-What a model asks for acts unless it would break this; then the nearest coupling term acts that does not. So
-the limit holds at the deadline whatever a model asks for, and wherever the goal goes: the deviation does
-not depend on it. And a movement is let go as far as a modest coupling term can undo, not only as far as the
-primitive's own attraction can: a detour round an obstacle close to the goal needs that.
+The model's coupling term is applied unless it would violate this; then the nearest term that does not is. So
+the limit holds at the deadline for any model and any motion of the goal, on which the deviation does not
+depend. And a movement may deviate as far as a modest coupling term can undo, not only as far as the
+primitive's own attraction can, which detours around an obstacle close to the goal need.
 
-From the first deadline on the movement is over: nothing that a model asks for acts, only what a later limit
-needs. Otherwise a model that still sees its obstacle drives the hand off its goal again in between.
+After the first deadline the movement is over, and only corrections that a later limit needs are applied.
+Otherwise a model that still sees its obstacle would drive the hand off its goal again.
 """
 
 from collections.abc import Sequence
@@ -42,7 +42,7 @@ from structlearn.primitives.transformation import step_matrix
 
 
 class PostprocessingParameters(Parameters):
-    """What acts of a model's coupling term. Fields: `params.yaml`, `obstacle_evaluation.postprocessing`."""
+    """Limits on a model's coupling term. Fields: `params.yaml`, `obstacle_evaluation.postprocessing`."""
 
     passed_decay_per_m2: float = Field(ge=0)
     end_limit_m: float | None = Field(gt=0)
@@ -54,7 +54,7 @@ class PostprocessingParameters(Parameters):
 PUBLISHED_ONLY = PostprocessingParameters(
     passed_decay_per_m2=10.0, end_limit_m=None, late_limit_m=None, late_factor=1.5, return_coupling=20.0
 )
-"""The dissertation's rules and nothing else."""
+"""The dissertation's rules only."""
 
 
 def post_processed(
@@ -65,7 +65,7 @@ def post_processed(
     goal_x: np.ndarray,
     passed_decay_per_m2: float,
 ) -> np.ndarray:
-    """Coupling term (..., 3) of a model after the rules above, in the local frame; never longer than before.
+    """A model's coupling term (..., 3) after the rules above, in the local frame; never longer than before.
 
     All in m: `x` (...) of the hand, smallest and largest x (...) of the obstacle's points, `goal_x` (...).
     """
@@ -76,17 +76,17 @@ def post_processed(
 
 @dataclass(frozen=True)
 class Deadline:
-    """Largest distance from the baseline that coupling terms may leave."""
+    """Largest distance from the baseline that may remain at a sample."""
 
     sample: int  # index n of the sample
     limit: float  # m
 
 
 class GoalReach:
-    """Deviation of a batch of coupled movements from their baselines, and what may still be added to it.
+    """Deviation of a batch of coupled movements from their baselines, and bounds on further coupling.
 
-    Of several deadlines the next one counts. `batch` (B, D); `step`: dt / tau, dimensionless;
-    `return_coupling`: length r of the coupling term that is trusted to bring a movement back.
+    Among several deadlines, the next one counts. `batch` (B, D); `step`: dt / tau, dimensionless;
+    `return_coupling`: length r of the coupling term that is assumed to bring a movement back.
     """
 
     def __init__(
@@ -97,7 +97,7 @@ class GoalReach:
         self._deadlines = sorted(deadlines, key=lambda deadline: deadline.sample)
 
     def admissible(self, k: int, coupling: np.ndarray) -> np.ndarray:
-        """The coupling term (B, D) that may act over step k: nearest to the given one, to none at the end."""
+        """Coupling term (B, D) to apply over step k: the nearest allowed one; after the end, nearest to 0."""
         following = [deadline for deadline in self._deadlines if deadline.sample > k]
         if len(following) < len(self._deadlines):
             coupling = np.zeros_like(coupling)
@@ -111,16 +111,16 @@ class GoalReach:
         return coupling - excess / gains[k] * left
 
     def advance(self, coupling: np.ndarray) -> None:
-        """One step with the coupling term (B, D) that acts."""
+        """Advance by one step with the applied coupling term (B, D)."""
         self.deviation = np.tensordot(self._matrix[:2, :2], self.deviation, 1)
         self.deviation += self._matrix[:2, 3, None, None] * coupling
 
 
 @lru_cache
 def _projections(step: float, last: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """What is left at sample n of the state and of the coupling terms before it.
+    """Effect at sample n of the state and of the coupling terms at the samples before it.
 
-    Returns `rows` (n, 2) so that D_k = rows[k] y_k; `gains` (n,) g_k; `rests` (n + 1,) g_k + ... + g_{n-1}.
+    Returns `rows` (n, 2) such that D_k = rows[k] y_k; `gains` (n,) g_k; `rests` (n + 1,) g_k + ... + g_{n-1}.
     """
     matrix = step_matrix(step)
     rows, gains = np.empty((last, 2)), np.empty(last)

@@ -1,13 +1,14 @@
-"""The hand-designed rival: features after how people steer, and pruning regression (Rai et al. 2014).
+"""Human-inspired coupling term: steering features and pruning regression (Rai et al. 2014).
 
     c_i = sum_q sum_(beta, k) theta_i,q,beta,k (R v)_i phi exp(-beta phi) exp(-k d)
 
-for the obstacle's centre and its closest point q. phi is the angle between v and the direction to q, d the
-distance to it, R turns v by 90 degrees away from q in their common plane. beta and k are on a grid; Bayesian
-regression with automatic relevance determination, one per axis, prunes what it does not need. The velocity is
-tau v, as in all features, so that a slow movement avoids like a quick one.
+for q = the obstacle's centre and its closest point. phi is the angle between v and the direction to q, d the
+distance to it; R rotates v by 90 degrees away from q in their common plane. beta and k are on a grid;
+Bayesian regression with automatic relevance determination, one per axis, prunes the weights it does not need.
+The velocity is tau v, as in all features, so that slow and fast movements avoid alike.
 
-The regression is that of scikit-learn, whose every iteration goes over all samples: here their moments do.
+The regression follows scikit-learn's, which passes over all samples in every iteration; here it uses their
+moments.
 """
 
 import json
@@ -24,16 +25,16 @@ from structlearn.core.artefacts import holding, read_description, read_tensors, 
 from structlearn.core.errors import InputError
 
 BETA_PER_RAD = tuple(np.geomspace(2.0, 20.0, 5) / np.pi)
-"""Up to 20 / pi, Fajen and Warren's value that the first such coupling terms had; the effect is largest at
+"""Up to 20 / pi, Fajen and Warren's value, used by the first such coupling terms. The effect is largest at
 phi = 1 / beta, 9 to 90 degrees."""
 
 DECAY_PER_M = tuple(np.geomspace(1.0, 30.0, 5))  # k: the effect halves within 70 cm to 2 cm
 ITERATIONS = 200  # of the regression, as in the dissertation
 
 GAIN_TOLERANCE = 1e-3
-"""The regression stops when all weights together change by less, in units of the target's size."""
+"""The regression stops when all weights together change by less, relative to the target's size."""
 
-PRUNED_PRECISION = 1e4  # a weight with a larger prior precision is nothing; units as above
+PRUNED_PRECISION = 1e4  # prior precision above which a weight is pruned; in the same units
 VAGUE = 1e-6  # shape and rate of the gamma priors of all precisions
 
 
@@ -41,15 +42,15 @@ VAGUE = 1e-6  # shape and rate of the gamma priors of all precisions
 class HumanInspiredModels:
     """M models, e.g. one per scenario."""
 
-    weights: np.ndarray  # (M, 3, F) by axis and feature: centre first, beta before k; 0 where pruned
+    weights: np.ndarray  # (M, 3, F) by axis and feature: centre first, beta before k; 0 if pruned
 
     def __len__(self) -> int:
         return len(self.weights)
 
     def __call__(self, features: np.ndarray, phase: np.ndarray, phase_velocity: np.ndarray) -> np.ndarray:
-        """Coupling terms (B, 3): of model b for sample b, or of the only model for all samples.
+        """Coupling terms (B, 3): by model b for sample b, or by a single model for all samples.
 
-        Raises ValueError: there are several models, and not as many as samples.
+        Raises ValueError: there are several models, but not as many as samples.
         """
         if len(self) not in (1, len(features)):
             raise ValueError(f"{len(features)} samples for {len(self)} models")
@@ -57,12 +58,12 @@ class HumanInspiredModels:
         return np.einsum("sif,sif->si", steering_features(features), weights)
 
     def take(self, index: np.ndarray | Sequence[int]) -> Self:
-        """The models of some indices, in their order and as often as named."""
+        """Models of the given indices, which may repeat."""
         return type(self)(self.weights[np.asarray(index)])
 
 
 def steering_features(features: np.ndarray) -> np.ndarray:
-    """Grid of steering effects (..., 3 axes, 2 x 5 x 5) of features (..., 17); 0 where R v is undefined."""
+    """Steering effects (..., 3 axes, 2 x 5 x 5) of features (..., 17); 0 where R v is undefined."""
     velocity = features[..., columns.SCALED_VELOCITY]
     closest = features[..., columns.TO_POINTS][..., :: columns.CLOSEST_POINTS]
     effects = [_steering(velocity, to) for to in (features[..., columns.TO_CENTRE], closest)]
@@ -70,13 +71,13 @@ def steering_features(features: np.ndarray) -> np.ndarray:
 
 
 def fit_human_inspired(features: np.ndarray, target: np.ndarray) -> HumanInspiredModels:
-    """Fit one model to features (S, 17) and coupling terms (S, 3) in m; InputError below two samples."""
+    """Fit one model to features (S, 17) and coupling terms (S, 3) m. Raises InputError: under two samples."""
     if len(target) < 2:
         raise InputError(f"{len(target)} samples are too few for a regression")
     effects = steering_features(features)
     weights = np.zeros((3, effects.shape[2]))
     for axis in range(3):
-        # in units of their own size: the regression prunes by the size of a weight
+        # scaled to unit size, since the regression prunes by the size of a weight
         sizes = np.sqrt(np.mean(effects[:, axis] ** 2, axis=0))
         size = float(np.sqrt(np.mean(target[:, axis] ** 2)))
         used = sizes > 0.0
@@ -88,7 +89,7 @@ def fit_human_inspired(features: np.ndarray, target: np.ndarray) -> HumanInspire
 
 
 def pruning_regression(inputs: np.ndarray, target: np.ndarray) -> np.ndarray:
-    """Weights (F,) of Bayesian regression (S, F) -> (S,) that prunes (MacKay 1994, Tipping 2001)."""
+    """Weights (F,) of pruning Bayesian regression, (S, F) -> (S,) (MacKay 1994, Tipping 2001)."""
     gram, moments, energy = inputs.T @ inputs, inputs.T @ target, target @ target
     kept, weights = np.arange(len(gram)), np.zeros(len(gram))
     decay, noise = np.ones(len(gram)), 1.0 / (target.var() + np.finfo(float).eps)  # precisions
@@ -115,7 +116,7 @@ def write_human_inspired(models: Mapping[str, HumanInspiredModels], path: str | 
 
 
 def read_human_inspired(path: str | Path) -> dict[str, HumanInspiredModels]:
-    """Read the stacks of a file, keyed by name in alphabetical order; InputError if it holds no such."""
+    """Read the stacks of a file, by name. Raises InputError: it is another file."""
     tensors = read_tensors(path)
     with holding(path, "human-inspired models"):
         names = json.loads(read_description(path))["human_inspired"]
@@ -125,7 +126,7 @@ def read_human_inspired(path: str | Path) -> dict[str, HumanInspiredModels]:
 def _posterior(
     gram: np.ndarray, moments: np.ndarray, kept: np.ndarray, decay: np.ndarray, noise: float
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Mean of all weights (F,), 0 where not kept, and variances of those that are (K,)."""
+    """Posterior mean of all weights (F,), 0 if pruned, and variances of the kept ones (K,)."""
     factor, _ = lapack.dpotrf(noise * gram[np.ix_(kept, kept)] + np.diag(decay[kept]), lower=1)
     mean = np.zeros(len(gram))
     mean[kept] = noise * lapack.dpotrs(factor, moments[kept], lower=1)[0]

@@ -1,4 +1,4 @@
-"""Cross-validation of reaches through scenes by people: models are tested on people left out (IV.8)."""
+"""Cross-validation over people of models that reach through scenes of obstacles (IV.8)."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -18,47 +18,49 @@ from structlearn.readers.demonstration import Demonstration
 MODELS = (HUMAN_INSPIRED, PUBLISHED, NEAREST, SCENE)
 WAYS = (NONE, *MODELS, PLANNED)  # in the order of tables
 
-SAME_END_M = 0.1  # starts, and goals, of two reaches through one scene are the same within this
-SHOWN = 6  # reaches in pictures and recordings
+SAME_END_M = 0.1  # largest distance between starts, and between goals, of reaches through one scene
+SHOWN = 6  # number of reaches in pictures and recordings
 
 
 @dataclass(frozen=True)
 class SceneResults:
-    """Tables of the folds."""
+    """Result tables over all folds."""
 
-    # per `way` of `WAYS` and `reach`: `person`, `fold`; whether the straight line hits an obstacle,
-    # `blocked`; whether the reach does, `hit`, or meets a wall, `hit_wall`; `clearance_mm` of the hand's
-    # centre from the nearest obstacle, `left_mm` from the goal at the prescribed end, `path_mm` from the
-    # person's own path, and whether it takes the person's gaps, `same_gaps`
+    # per `way` of `WAYS` and `reach`: `person`, `fold`; `blocked`: the straight line hits an obstacle; `hit`,
+    # `hit_wall`: the reach hits an obstacle, a wall; `clearance_mm` of the hand's centre from the nearest
+    # obstacle, `left_mm` to the goal at the prescribed end, `path_mm` from the person's own path, and
+    # `same_gaps`: it takes the same gaps as the person
     reaches: pd.DataFrame
-    # per `way` of `MODELS`, `fold` and `axis`: sums over held-out samples of `squared` errors of the coupling
-    # term, and of squared deviations of the targets from their mean, `variance`
+    # per `way` of `MODELS`, `fold` and `axis`, sums over held-out samples: `squared` errors of the coupling
+    # term, and `variance`, squared deviations of the targets from their mean
     errors: pd.DataFrame
-    # per pair of people who reached through one scene: `first`, `second`, `reach`, `path_mm`, `same_gaps`
+    # per pair of people who reached through the same scene: `first`, `second`, `reach`, `path_mm`,
+    # `same_gaps`
     people: pd.DataFrame
-    left_out: pd.DataFrame  # trials that are no reaches: `trial`, `person`, `reason`
-    # of some reaches, for pictures: `reach`, `way` (or `recorded`), `time_s`, `x_m`, `y_m`, `z_m`
+    left_out: pd.DataFrame  # trials that are not reaches: `trial`, `person`, `reason`
+    # some reaches for pictures: `reach`, `way` (or `recorded`), `time_s`, `x_m`, `y_m`, `z_m`
     paths: pd.DataFrame
-    # of these reaches: `reach`, whether an obstacle (`box`) or a wall, its centre `x_m`, `y_m`, `z_m` and
-    # extent `width_m`, `depth_m`, `height_m`
+    # shapes of these reaches: `reach`, `box` (obstacle, not wall), centre `x_m`, `y_m`, `z_m` and extent
+    # `width_m`, `depth_m`, `height_m`
     shapes: pd.DataFrame
 
 
 def learn_past_obstacles(runs: Sequence[Demonstration], parameters: SceneLearningParameters) -> SceneResults:
-    """Cut the reaches, learn fold by fold, and test everything in the held-out scenes.
+    """Cut the reaches, learn fold by fold, and test on the held-out people.
 
-    Raises InputError: as `reaches_past_obstacles`. Raises MissingInputError: people are too few.
+    Raises InputError: as `reaches_past_obstacles`. Raises MissingInputError: too few people.
     """
     reaches, left_out = reaches_past_obstacles(runs, parameters)
     return judge_folds(reaches, left_out, folds_of_people(reaches, parameters), parameters)
 
 
 def folds_of_people(reaches: Sequence[SceneReach], parameters: SceneLearningParameters) -> list[list[str]]:
-    """People on whom nothing was tuned, dealt out in turn; at most one fold each.
+    """Folds of the people on whom nothing was tuned; at most one fold per person.
 
-    Where all are judged they are ordered by the bend of their straightest reach, so that all folds have
-    straight reaches to learn the baseline from; else by name, since people who are always learned from have
-    such. Raises MissingInputError: there is nobody to judge, or nobody else to learn from.
+    If all people are tested, they are sorted by the bend of their straightest reach before they are dealt
+    out, so that every training set has straight reaches for the baseline; otherwise by name, since people in
+    all training sets have such reaches. Raises MissingInputError: nobody to test, or nobody else to learn
+    from.
     """
     bends: dict[str, float] = {}
     for reach in reaches:
@@ -80,7 +82,7 @@ def judge_folds(
     folds: Sequence[Sequence[str]],
     parameters: SceneLearningParameters,
 ) -> SceneResults:
-    """Learn from everybody but the people of a fold and test on them, fold by fold."""
+    """For each fold, learn from all other people and test on the people of the fold."""
     scenes = scene_models.reach_scenes(reaches, parameters)
     person = np.array([reach.person for reach in reaches])
     tests = [np.flatnonzero(np.isin(person, people)).tolist() for people in folds]
@@ -123,7 +125,7 @@ def scores(
 
 
 def _beside(reach: SceneReach, path: np.ndarray, other: np.ndarray) -> tuple[float, bool]:
-    """Distance in mm of two paths (T, 3) m through one scene, and whether they take the same gaps."""
+    """Distance in mm between two paths (T, 3) m through one scene, and whether they take the same gaps."""
     centres = [one.centre[:2] for one in reach.obstacles]
     return 1e3 * nearest_path_distance(path, other), same_gaps(path[:, :2], other[:, :2], centres)
 
@@ -134,7 +136,7 @@ def _errors(
     scenes: scene_models.Scenes,
     parameters: SceneLearningParameters,
 ) -> pd.DataFrame:
-    """Rows of `SceneResults.errors` on reaches left out."""
+    """Rows of `SceneResults.errors` on held-out reaches."""
     paths = [reach.path for reach in reaches]
     states = scene_models.scene_states(paths, learned.baseline, parameters.keep_every)
     nearest = scene_models.samples_of_nearest(states, scenes)
@@ -150,7 +152,7 @@ def _errors(
 
 
 def beside_each_other(reaches: Sequence[SceneReach]) -> pd.DataFrame:
-    """Rows of `SceneResults.people`: reaches of different people through the same obstacles."""
+    """Rows of `SceneResults.people`: pairs of people's reaches through the same obstacles."""
     groups: dict[bytes, list[SceneReach]] = {}
     for reach in reaches:
         solids = np.round([[*one.centre, *one.half_size] for one in reach.obstacles], 3)
@@ -165,7 +167,7 @@ def beside_each_other(reaches: Sequence[SceneReach]) -> pd.DataFrame:
 
 
 def shown_reaches(table: pd.DataFrame) -> list[str]:
-    """Reaches for pictures, chosen by the scene alone: evenly spread over the blocked ones."""
+    """Reaches for pictures, chosen by the scene alone: evenly spaced among the blocked ones."""
     blocked = table.loc[(table["way"] == NONE) & table["blocked"], "reach"].sort_values().tolist()
     count = min(SHOWN, len(blocked))
     return [blocked[(2 * place + 1) * len(blocked) // (2 * count)] for place in range(count)]
@@ -199,10 +201,10 @@ def nearest_path_distance(first: np.ndarray, second: np.ndarray) -> float:
 
 
 def same_gaps(first: np.ndarray, second: np.ndarray, centres: Sequence[np.ndarray]) -> bool:
-    """Whether two paths (T, 2), (S, 2) of the same ends pass every centre (2,) on the same side.
+    """Whether two paths (T, 2), (S, 2) with equal ends pass every centre (2,) on the same side.
 
-    They do if the closed curve along one and back along the other winds round none of the centres: one can
-    then be deformed into the other without crossing any.
+    They do if the closed curve along one and back along the other does not wind around any centre: one path
+    can then be deformed into the other without crossing a centre.
     """
     loop = np.vstack([first, second[::-1], first[:1]])
     for centre in centres:

@@ -1,8 +1,9 @@
-"""Models learned from reaches of some people through scenes, and their reaches in other scenes (IV.8.4).
+"""Models of reaching through scenes, learned from people, and their reaches in other scenes (IV.8.4).
 
-Members of the ensemble see every sample displaced too, as in `network_training`; otherwise the loop is good
-only near demonstrated paths. With the demonstrated coupling term a displacement decays by the primitive's own
-attraction, which is too slow where gaps are narrow, so displaced targets have an additional stiffness k:
+Ensemble members also see every sample displaced, as in `network_training`; otherwise closed-loop behaviour is
+good only near demonstrated paths. With the demonstrated coupling term a displacement decays by the
+primitive's own attraction, which is too slow in narrow gaps, so displaced targets have an additional
+stiffness k:
 
     c(x + dx, v + dv) = c(x, v) - k dx
 """
@@ -32,29 +33,28 @@ from structlearn.primitives.vector import VectorPrimitive
 
 NONE, HUMAN_INSPIRED, PUBLISHED = "none", "human_inspired", "published"
 NEAREST, SCENE, PLANNED = "nearest", "scene", "planned"
-"""The baseline alone; Rai et al.; the published features of the nearest obstacle with the published network;
-the same features with our training; the scene's features with the same network and training; the planned way
-itself."""
+"""The baseline alone; Rai et al.; the published features and network; the same features with our training;
+the scene's features with the same network and training; the planned path itself."""
 
-PLANNED_STEP_M, PLANNED_MOST_M = 0.005, 2.0  # spacing and greatest length of a planned way
+PLANNED_STEP_M, PLANNED_MOST_M = 0.005, 2.0  # spacing and largest length of a planned path
 TAU = canonical.time_constant(1.0)  # time constant in durations
 
 
 @dataclass(frozen=True)
 class Scenes:
-    """B scenes as models see them."""
+    """B scenes as inputs of the models."""
 
     start: np.ndarray  # (B, 3) m, base frame
     frame: np.ndarray  # (B, 3, 3) local to base
     goal: np.ndarray  # (B, 3) m, local frame
-    clouds: np.ndarray  # (B, O, P, 3) m, local frame, surfaces; scenes with fewer obstacles repeat one
-    ways: Sequence[CostToGo]  # of each scene
+    clouds: np.ndarray  # (B, O, P, 3) m, local frame, surface points; scenes with fewer obstacles repeat one
+    ways: Sequence[CostToGo]  # one per scene
 
     def __len__(self) -> int:
         return len(self.start)
 
     def take(self, places: Sequence[int]) -> Self:
-        """Some of the scenes, in their order and as often as named."""
+        """Scenes of the given indices, which may repeat."""
         arrays = (self.start[places], self.frame[places], self.goal[places], self.clouds[places])
         return type(self)(*arrays, [self.ways[place] for place in places])
 
@@ -70,14 +70,14 @@ class Scenes:
 class SceneStates:
     """Samples of reaches, each through its own scene."""
 
-    scene: np.ndarray  # (S,) place of its scene among `Scenes`
+    scene: np.ndarray  # (S,) index in `Scenes`
     time: np.ndarray  # (S,) in durations
     position: np.ndarray  # (S, 3) m, local frame, relative to the start
     scaled_velocity: np.ndarray  # (S, 3) tau v, m
     target: np.ndarray  # (S, 3) m, coupling term
 
     def where(self, mask: np.ndarray) -> Self:
-        """The samples of a mask (S,) or of indices."""
+        """Samples selected by a mask (S,) or by indices."""
         return type(self)(**{name: values[mask] for name, values in vars(self).items()})
 
 
@@ -100,7 +100,7 @@ def scene_states(paths: Sequence[Trajectory], baseline: VectorPrimitive, keep_ev
 def displaced_states(
     states: SceneStates, parameters: EnsembleParameters, stiffness: float, stream: Sequence[int]
 ) -> SceneStates:
-    """States that one member of an ensemble sees: some reaches, each sample as it was and once displaced."""
+    """Training states of one ensemble member: some reaches, each sample as recorded and once displaced."""
     rng = np.random.default_rng([parameters.training.seed, *stream, SEEN])
     chosen = rng.permutation(np.unique(states.scene))[: parameters.demonstrations]
     seen = states.where(np.isin(states.scene, chosen))
@@ -116,23 +116,23 @@ def displaced_states(
 
 
 def samples_of_scene(states: SceneStates, scenes: Scenes, ahead: Sequence[float]) -> AvoidanceDataset:
-    """The states with the features of their scenes (`look_ahead.scene_features`)."""
+    """States with the features of their scenes (`look_ahead.scene_features`)."""
     return _samples(states, lambda b, x, v: scenes.features(b, x, v, ahead))
 
 
 def with_mirror_images(dataset: AvoidanceDataset, signs: np.ndarray) -> AvoidanceDataset:
-    """The samples and their mirror images; `signs` (F,): `mirror_signs` or `MIRROR_SIGNS`."""
+    """Samples and their mirror images; `signs` (F,): `mirror_signs` or `MIRROR_SIGNS`."""
     image = replace(dataset, features=dataset.features * signs, target=dataset.target * MIRROR)
     return concatenated([dataset, image])
 
 
 def samples_of_nearest(states: SceneStates, scenes: Scenes) -> AvoidanceDataset:
-    """The states with the published features of the obstacle that is nearest at each of them."""
+    """States with the published features of the currently nearest obstacle."""
     return _samples(states, lambda b, x, v: nearest_seen(x, v, scenes.clouds[b : b + 1])[0])
 
 
 def _samples(states: SceneStates, see: Callable[..., np.ndarray]) -> AvoidanceDataset:
-    """The states with what is seen in their scenes: `see` of scene, positions, tau v -> features (N, F)."""
+    """States with features from `see`: (scene, positions, tau v) -> features (N, F)."""
     order = np.argsort(states.scene, kind="stable")
     scenes, starts = np.unique(states.scene[order], return_index=True)
     found = [
@@ -151,7 +151,7 @@ def nearest_seen(
 ) -> tuple[np.ndarray, np.ndarray]:
     """The published features (B, 17) of the nearest of clouds (B, O, P, 3), and x (B, P) of its points in m.
 
-    One scene's clouds (1, O, P, 3) serve all states.
+    The clouds of one scene (1, O, P, 3) may serve all states.
     """
     clouds = np.broadcast_to(clouds, (len(position), *clouds.shape[1:]))
     every = features(position[:, None], scaled_velocity[:, None], 1.0, clouds, clouds.mean(axis=2))
@@ -162,14 +162,14 @@ def nearest_seen(
 
 @dataclass(frozen=True)
 class Learned:
-    """What was learned from some people."""
+    """Baseline and models learned from some people."""
 
-    baseline: VectorPrimitive  # without obstacles, of duration one
+    baseline: VectorPrimitive  # without obstacles, with duration 1
     models: Mapping[str, CouplingModel]  # by kind
 
 
 def reach_scenes(reaches: Sequence[SceneReach], parameters: SceneLearningParameters) -> Scenes:
-    """The scenes of reaches as models see them."""
+    """Scenes of the given reaches."""
     goals = [reach.in_base_frame[-1] for reach in reaches]
     most, clouds = max(len(reach.obstacles) for reach in reaches), []
     for reach in reaches:
@@ -189,9 +189,9 @@ def reach_scenes(reaches: Sequence[SceneReach], parameters: SceneLearningParamet
 
 
 def straight_baseline(reaches: Sequence[SceneReach], straight_share: float) -> VectorPrimitive:
-    """Primitive of the reaches that hardly leave the straight line, or of the straightest where all do.
+    """Primitive of the reaches that are nearly straight, or else of the straightest one.
 
-    Its forcing grows with the reach's length.
+    Its forcing term scales with the length of the reach.
     """
     most = max(straight_share, min(reach.bend for reach in reaches))
     straight = [reach.path for reach in reaches if reach.bend <= most]
@@ -204,7 +204,7 @@ def learn(
     parts: Sequence[Sequence[int]],
     parameters: SceneLearningParameters,
 ) -> list[Learned]:
-    """Learn from each of some sets of reaches, given by their places; all networks over processes."""
+    """Learn from each of several sets of reaches, given by indices; networks train over processes."""
     sets = [
         _training_sets([reaches[place] for place in places], scenes.take(places), number, parameters)
         for number, places in enumerate(parts)
@@ -228,13 +228,13 @@ def learn(
 
 
 TrainingSets = tuple[NetworkParameters, AvoidanceDataset, Sequence[AvoidanceDataset]]
-"""How a network is trained, all of its samples, and what each member sees of them."""
+"""Training parameters of a network, its training samples, and the samples that each member sees."""
 
 
 def _training_sets(
     reaches: Sequence[SceneReach], scenes: Scenes, number: int, parameters: SceneLearningParameters
 ) -> tuple[VectorPrimitive, AvoidanceDataset, dict[str, TrainingSets]]:
-    """Baseline, samples of the published features, and training data by kind of network of the n-th set."""
+    """Baseline, samples with the published features, and training data by kind of network, of a set."""
     baseline = straight_baseline(reaches, parameters.straight_share)
     states = scene_states([one.path for one in reaches], baseline, parameters.keep_every)
     ensemble, ahead = parameters.network, parameters.look_ahead.ahead_m
@@ -272,7 +272,7 @@ def reach_through(
 
 
 def planned_path(scenes: Scenes, place: int, samples: int) -> np.ndarray:
-    """The planned way of one scene followed with least jerk, (T, 3) m, base frame; straight in height."""
+    """Minimum-jerk motion (T, 3) m along the planned path of a scene, base frame; linear in height."""
     start = scenes.start[place]
     goal = start + scenes.frame[place] @ scenes.goal[place]
     ahead = np.arange(PLANNED_STEP_M, PLANNED_MOST_M, PLANNED_STEP_M)
@@ -284,13 +284,13 @@ def planned_path(scenes: Scenes, place: int, samples: int) -> np.ndarray:
 
 
 Feedback = Callable[[int, np.ndarray, np.ndarray], np.ndarray]
-"""Sample, position (B, 3) m, tau v (B, 3) m -> coupling term (B, 3) m."""
+"""(sample, position (B, 3) m, tau v (B, 3) m) -> coupling term (B, 3) m."""
 
 
 def _feedback(
     model: CouplingModel, kind: str, scenes: Scenes, parameters: SceneLearningParameters
 ) -> Feedback:
-    """A model in the loop: of the scene, or of the nearest obstacle with the published post-processing."""
+    """Coupling term of a model, from the scene or from the nearest obstacle with the published rules."""
     phase = canonical.phase(np.linspace(0.0, 1.0, parameters.reaches.samples), TAU)
     ahead = parameters.look_ahead.ahead_m
 
@@ -314,11 +314,11 @@ def unroll_through(
     end_limit_m: float | None = None,
     return_coupling: float = 0.0,
 ) -> Trajectory:
-    """Unroll a primitive of duration one from the origin to B goals (B, 3) m in local frames, T samples.
+    """Unroll a primitive of duration 1 from the origin to B goals (B, 3) m in local frames, T samples.
 
-    As in `avoiding_unroll` the feedback begins with the second sample. `end_limit_m` and `return_coupling`
-    limit the deviation that it may leave at the end (`GoalReach`). Returns (B, T, 3) positions relative to
-    the start, velocities and accelerations per duration.
+    As in `avoiding_unroll`, feedback begins at the second sample. `end_limit_m` and `return_coupling` limit
+    the deviation that may remain at the end (`GoalReach`). Returns (B, T, 3) positions relative to the start,
+    velocities and accelerations per duration.
     """
     time = np.linspace(0.0, 1.0, samples)
     forcing = primitive.forcing(time, np.zeros((len(goals), 1, 3)), goals[:, None], 1.0)

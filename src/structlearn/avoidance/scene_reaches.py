@@ -1,6 +1,6 @@
 """Reaches of people through scenes of several obstacles, cut from recordings (IV.8).
 
-Everything is in the local frame of each reach and in units of its duration: coupling terms are scaled by
+Everything is in the local frame of each reach and in units of its duration; coupling terms are scaled by
 tau^2, so a path does not depend on its duration.
 """
 
@@ -20,11 +20,11 @@ from structlearn.core.params import Parameters
 from structlearn.primitives.trajectory import Trajectory, differentiated
 from structlearn.readers.demonstration import Demonstration
 
-OPEN = "has no obstacles"  # why a reach is left out
+OPEN = "has no obstacles"  # reason for leaving out a reach
 
 
 class SceneReachParameters(Parameters):
-    """From recordings to reaches. Fields: `stages/tasks/params.yaml`, `defaults.obstacles.reaches`."""
+    """Cutting of reaches. Fields: `stages/tasks/params.yaml`, `defaults.obstacles.reaches`."""
 
     smoothing_hz: float = Field(gt=0, le=45)
     onset_share: float = Field(gt=0, lt=1)
@@ -65,21 +65,21 @@ class SceneReach:
     frame: np.ndarray  # (3, 3) local to base
     duration_s: float
     obstacles: tuple[Obstacle, ...]  # base frame
-    walls: tuple[Obstacle, ...]  # further shapes that the hand could meet, base frame
+    walls: tuple[Obstacle, ...]  # further shapes that the hand could hit, base frame
 
     @property
     def goal(self) -> np.ndarray:
-        """(3,) m, local frame: where the target was reached."""
+        """(3,) m, local frame: position at which the target was reached."""
         return self.path.position[-1]
 
     @property
     def bend(self) -> float:
-        """Largest distance from the straight line over its length."""
+        """Largest distance from the straight line, relative to its length."""
         return float(np.linalg.norm(self.path.position[:, 1:], axis=1).max() / self.goal[0])
 
     @property
     def in_base_frame(self) -> np.ndarray:
-        """(T, 3) m."""
+        """Path (T, 3) m in the base frame."""
         return self.start + self.path.position @ self.frame.T
 
 
@@ -88,11 +88,11 @@ def reaches_past_obstacles(
 ) -> tuple[list[SceneReach], pd.DataFrame]:
     """Cut the reach of each run; runs left out have a row `trial`, `person`, `reason`.
 
-    A reach lasts from where the hand's speed first exceeds a share of its peak to where it last does. If the
-    provenance has a time after the onset, `moved_s`, and that of reaching the target, `reached_s`, the reach
-    begins where the speed was last below that share before `moved_s`, or with the slowest sample if the run
-    began too late for that, and ends at the target. Raises InputError: no run has obstacles, or one has no
-    `person` in its provenance.
+    A reach lasts while the hand's speed is above a share of its peak, from the first to the last crossing. If
+    the provenance has a time after the onset, `moved_s`, and the time of reaching the target, `reached_s`,
+    the reach begins where the speed was last below that share before `moved_s` (or at the slowest sample, if
+    the run began too late for that), and ends at the target. Raises InputError: no run has obstacles, or a
+    run has no `person` in its provenance.
     """
     reaches, left_out = [], []
     for run in runs:
@@ -110,7 +110,7 @@ def reaches_past_obstacles(
 
 
 def _reach(run: Demonstration, parameters: SceneLearningParameters) -> SceneReach | str:
-    """The reach of a run, or why there is none."""
+    """The reach of a run, or the reason why there is none."""
     if "person" not in run.provenance:
         raise InputError(f"{run.name}: its provenance does not say whose reach it is")
     walls = tuple(recorded_obstacle(one) for one in run.shapes if one.name.startswith(parameters.walls))
@@ -145,7 +145,7 @@ def _reach(run: Demonstration, parameters: SceneLearningParameters) -> SceneReac
     grid, time = np.linspace(0.0, 1.0, cutting.samples), (time - time[0]) / duration
     factors = (smooth.position - start, duration * smooth.velocity, duration**2 * smooth.acceleration)
     signals = (signal[part] @ frame for signal in factors)
-    # linearly: the signals are smooth over many samples
+    # linear interpolation suffices: the signals are smooth over many samples
     path = [np.stack([np.interp(grid, time, column) for column in one.T], axis=1) for one in signals]
     trajectory = Trajectory(grid, *path)
     return SceneReach(

@@ -1,8 +1,8 @@
 """Obstacles of known geometry: sphere, cube and cylinder as in the recorded experiment (IV.8.3).
 
-Sizes are measured on the public motion-capture models of the recorded objects, with the points that augment
-their markers (`clmc/obs_avoid/vicon_objects`); the files are not read. An unroll sees obstacles as point
-clouds, one per scenario, at rest or moving.
+Sizes were measured on the public motion-capture models of the recorded objects, with the points that augment
+their markers (`clmc/obs_avoid/vicon_objects`); the files are not read. Unrolls use obstacles as point clouds,
+one per scenario, at rest or moving.
 """
 
 from collections.abc import Callable
@@ -28,10 +28,10 @@ HALF_SIZE_M: dict[Shape, tuple[float, float, float]] = {
     # Five markers form the top ring, 24.7 mm from their centre on average; the points reach 185 mm down.
     "cylinder": (0.0247, 0.0247, 0.0925),
 }
-"""Half the extent along the object's own axes; a cylinder stands along its z axis."""
+"""Half extents along the object's own axes; a cylinder stands along its z axis."""
 
 CLOUD_COUNT = 100
-"""Points of a surface cloud: neighbours are about 2 cm apart, the three closest ones face the hand."""
+"""Points of a surface cloud: about 2 cm apart, so that the three closest ones face the hand."""
 
 GOLDEN_ANGLE = np.pi * (3.0 - np.sqrt(5.0))
 PLASTIC = 1.324717957244746
@@ -47,7 +47,7 @@ class Obstacle:
 
     shape: Shape
     centre: np.ndarray  # (3,) m
-    half_size: np.ndarray  # (3,) m, half the extent along the object's own axes
+    half_size: np.ndarray  # (3,) m, half extents along the object's own axes
     rotation: np.ndarray = field(default_factory=lambda: np.eye(3))  # (3, 3) object to world
 
     def __post_init__(self) -> None:
@@ -70,7 +70,7 @@ class Obstacle:
     def distance_and_normal(self, points: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Signed distance (...) m, negative inside, of points (..., 3) m, and its gradient (..., 3).
 
-        Both are closed-form. Where several points of the surface are equally close, one of them counts.
+        Both are closed-form. If several points of the surface are equally close, one of them is used.
         """
         own = (np.asarray(points, dtype=float) - self.centre) @ self.rotation
         measure = {"sphere": _sphere, "cube": _cube, "cylinder": _cylinder}[self.shape]
@@ -78,7 +78,7 @@ class Obstacle:
         return distance, normal @ self.rotation.T
 
     def cloud(self, count: int = CLOUD_COUNT) -> np.ndarray:
-        """Evenly spread points of the surface (count, 3) m, always the same; InputError below six."""
+        """Evenly spread points of the surface (count, 3) m, deterministic. Raises InputError: under six."""
         if count < 6:
             raise InputError(f"{self.shape}: a surface needs at least 6 points, not {count}")
         points = _cube_cloud(self.half_size, count) if self.shape == "cube" else _spiral(self, count)
@@ -86,12 +86,12 @@ class Obstacle:
 
     @property
     def radius(self) -> float:
-        """Virtual radius in m: mean distance of the surface cloud to its mean."""
+        """Virtual radius in m: mean distance of the surface cloud from its mean."""
         return float(virtual_radius(self.cloud()))
 
 
 def obstacle(shape: Shape, centre: np.ndarray, yaw: float = 0.0) -> Obstacle:
-    """An upright obstacle of the recorded size, its centre (3,) in m, turned by a yaw in rad.
+    """Upright obstacle of the recorded size, with centre (3,) in m, rotated by a yaw in rad.
 
     Raises InputError: there is no such shape.
     """
@@ -102,13 +102,13 @@ def obstacle(shape: Shape, centre: np.ndarray, yaw: float = 0.0) -> Obstacle:
 
 
 def recorded_obstacle(shape: NamedShape) -> Obstacle:
-    """Obstacle of a recorded shape; InputError if it is not as round as its form says."""
+    """Obstacle from a recorded shape. Raises InputError: its size does not fit its form."""
     half = 0.5 * np.asarray(shape.size, dtype=float)
     return Obstacle(shape.form, shape.position, half, quaternion.matrix(shape.orientation))
 
 
 def virtual_radius(cloud: np.ndarray) -> np.ndarray | float:
-    """Mean distance of the points of a cloud (..., P, 3) to their mean, (...) m; InputError if empty."""
+    """Mean distance (...) m of a cloud's points (..., P, 3) from their mean. Raises InputError: empty."""
     check_cloud(cloud)
     return np.linalg.norm(cloud - cloud.mean(axis=-2, keepdims=True), axis=-1).mean(axis=-1)
 
@@ -142,11 +142,11 @@ def _sphere(points: np.ndarray, half: np.ndarray) -> tuple[np.ndarray, np.ndarra
 
 
 def _cube(points: np.ndarray, half: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    beyond = np.abs(points) - half  # (..., 3), positive outside of the pair of faces
+    beyond = np.abs(points) - half  # (..., 3), positive outside the pair of faces
     sign = np.where(points < 0.0, -1.0, 1.0)
     outside = np.maximum(beyond, 0.0)
     length = np.linalg.norm(outside, axis=-1)
-    face = np.argmax(beyond, axis=-1)[..., None] == np.arange(3)  # the closest one, seen from inside
+    face = np.argmax(beyond, axis=-1)[..., None] == np.arange(3)  # the closest face, for points inside
     normal = np.where(length[..., None] > 0.0, _unit(outside, length), face)
     return length + np.minimum(beyond.max(axis=-1), 0.0), sign * normal
 
@@ -164,7 +164,7 @@ def _cylinder(points: np.ndarray, half: np.ndarray) -> tuple[np.ndarray, np.ndar
 
 
 def _unit(vectors: np.ndarray, length: np.ndarray) -> np.ndarray:
-    """Vectors (..., D) over their lengths (...); without a direction they become the first axis."""
+    """Vectors (..., D) over their lengths (...); zero vectors become the first axis."""
     some = length[..., None] > 0.0
     first = np.arange(vectors.shape[-1]) == 0
     return np.where(some, vectors / np.where(some, length[..., None], 1.0), first)
@@ -178,7 +178,7 @@ def _spiral(solid: Obstacle, count: int) -> np.ndarray:
         z = height * (2.0 * share - 1.0)
         across = np.sqrt(radius**2 - z**2)
     else:
-        mantle = 2.0 * height / (2.0 * height + radius)  # of the whole area; each cap has half of the rest
+        mantle = 2.0 * height / (2.0 * height + radius)  # share of the area; each cap has half of the rest
         cap = 0.5 * (1.0 - mantle)
         z = height * np.clip(2.0 * (share - cap) / mantle - 1.0, -1.0, 1.0)
         across = radius * np.sqrt(np.minimum(np.minimum(share, 1.0 - share) / cap, 1.0))
@@ -187,7 +187,7 @@ def _spiral(solid: Obstacle, count: int) -> np.ndarray:
 
 
 def _cube_cloud(half: np.ndarray, count: int) -> np.ndarray:
-    """Points on the six faces, as many on each as its share of the area, (count, 3)."""
+    """Points on the six faces, in proportion to their areas, (count, 3)."""
     areas = np.repeat(np.prod(half) / half, 2)  # faces -x, +x, -y, +y, -z, +z
     ends = np.round(count * np.cumsum(areas) / areas.sum()).astype(int)
     points = []
@@ -217,11 +217,11 @@ class CloudBatch:
     motion: Motion | None = None  # displacement over time; None for obstacles at rest
 
     def where(self, rows: np.ndarray) -> Self:
-        """The obstacles at rest of some scenarios, by a mask (B,) or indices."""
+        """Obstacles of some scenarios, at rest, selected by a mask (B,) or indices."""
         return type(self)(self.points[rows], self.centre[rows], self.radius[rows])
 
     def displacement(self, time: float) -> np.ndarray:
-        """(B, 3) displacement in m since the start, at a time in s."""
+        """Displacement (B, 3) in m since the start, at a time in s."""
         if self.motion is None:
             return np.zeros_like(self.centre)
         moved = np.asarray(self.motion(time), dtype=float)
@@ -230,7 +230,7 @@ class CloudBatch:
         return np.broadcast_to(moved, self.centre.shape)
 
     def path(self, times: np.ndarray) -> np.ndarray:
-        """(B, T, 3) displacement in m at times (T,) in s."""
+        """Displacement (B, T, 3) in m since the start, at times (T,) in s."""
         return np.stack([self.displacement(float(time)) for time in times], axis=1)
 
 
@@ -242,8 +242,8 @@ def cloud_batch(
 ) -> CloudBatch:
     """Clouds of B scenarios from points (B, P, 3) m, at rest by default.
 
-    `centre` (B, 3) m; default the mean point; `radius` (B,) or one for all, m; default the mean distance of
-    the points to their mean. Raises InputError: a shape, value or radius that no obstacle has.
+    `centre` (B, 3) m, default: the mean point; `radius` (B,) or scalar, m, default: the mean distance of the
+    points from their mean. Raises InputError: an impossible shape, value or radius.
     """
     points = np.asarray(points, dtype=float)
     check_cloud(points)

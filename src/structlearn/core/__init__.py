@@ -1,1 +1,1 @@
-"""What all packages share: rotations, frames, signals, parameters, artefacts, processes, errors."""
+"""Shared basics: rotations, frames, signals, parameters, artefacts, processes, errors."""

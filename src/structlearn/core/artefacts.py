@@ -1,7 +1,7 @@
-"""Artefacts: how stages write and read files.
+"""Artefacts: reading and writing of the files that stages exchange.
 
-Every file is published (`structlearn.core.publication`): complete, or not there. Writers are deterministic:
-the same data give the same bytes. Tables and arrays carry checksums, so that damage is detected on reading.
+Every file is published (`structlearn.core.publication`): it is complete or absent. Writers are deterministic:
+equal data give equal bytes. Tables and arrays carry checksums, so that damage is detected on reading.
 """
 
 import hashlib
@@ -41,8 +41,8 @@ def write_arrow(table: pyarrow.Table, target: str | Path, **encoding: Any) -> No
 def read_table(path: str | Path, needed: Sequence[str] = ()) -> pd.DataFrame:
     """Read a Parquet table.
 
-    Raises InputError: the file is missing, truncated, of another kind, not as it was written or lacks a
-    column that is `needed` (an undamaged file may be another table, or of an older version).
+    Raises InputError: the file is missing, truncated, of another kind or altered, or lacks a column that is
+    `needed` (an intact file may be another table, or of an older version).
     """
     table = read_arrow(path)
     if missing := [name for name in needed if name not in table.column_names]:
@@ -51,8 +51,8 @@ def read_table(path: str | Path, needed: Sequence[str] = ()) -> pd.DataFrame:
 
 
 def read_arrow(path: str | Path) -> pyarrow.Table:
-    """Read an Arrow table that `write_arrow` or `write_table` wrote; an InputError if it is damaged."""
-    damaged = (pyarrow.ArrowException, OSError)  # the latter: pages
+    """Read an Arrow table of `write_arrow` or `write_table`. Raises InputError: it is damaged."""
+    damaged = (pyarrow.ArrowException, OSError)  # OSError: damaged pages
     with _readable(path, "readable Parquet", *damaged, whole=False):
         table = pyarrow.parquet.read_table(path, page_checksum_verification=True)
     if (table.schema.metadata or {}).get(HEADINGS) != _headings(table):
@@ -64,7 +64,7 @@ HEADINGS = b"columns sha256"
 
 
 def _headings(table: pyarrow.Table) -> bytes:
-    """Digest of what no page's checksum covers: names and types of columns, number of rows, metadata."""
+    """Digest of everything outside the pages' checksums: names and types of columns, rows, metadata."""
     schema = table.schema.remove_metadata()
     digest = hashlib.sha256(f"{schema.to_string()}\n{table.num_rows}".encode())
     for key, value in sorted((table.schema.metadata or {}).items()):
@@ -74,14 +74,14 @@ def _headings(table: pyarrow.Table) -> bytes:
 
 
 def write_tensors(tensors: Mapping[str, np.ndarray], target: str | Path, description: str) -> None:
-    """Publish named arrays as safetensors; one metadata key only, since more are not deterministic.
+    """Publish named arrays as safetensors, with one metadata key, since several are not deterministic.
 
-    A digest of names, types, shapes, values and description is the last line of the description.
+    The last line of the description is a digest of names, types, shapes, values and description.
     """
     ordered = {name: np.asarray(tensors[name], order="C") for name in sorted(tensors)}
     signed = f"{description}\n{DIGEST}{_digest(ordered, description)}"
     with publish(target) as path:
-        path.write_bytes(save(ordered, metadata={"description": signed}))  # `save_file`: for its owner alone
+        path.write_bytes(save(ordered, metadata={"description": signed}))  # `save_file` limits permissions
 
 
 def read_tensors(path: str | Path) -> dict[str, np.ndarray]:
@@ -91,7 +91,7 @@ def read_tensors(path: str | Path) -> dict[str, np.ndarray]:
     infinite.
     """
     description, digest = _signed(path)
-    kinds = (SafetensorError, KeyError, AttributeError, TypeError)  # also of numbers that numpy lacks
+    kinds = (SafetensorError, KeyError, AttributeError, TypeError)  # the latter for types that numpy lacks
     with _readable(path, "readable safetensors", *kinds):
         tensors = load_file(path)
     if digest != _digest(tensors, description):
@@ -103,13 +103,13 @@ def read_tensors(path: str | Path) -> dict[str, np.ndarray]:
 
 
 def read_description(path: str | Path) -> str:
-    """The description that a safetensors file was written with; only `read_tensors` checks its digest."""
+    """Description of a safetensors file; only `read_tensors` verifies its digest."""
     return _signed(path)[0]
 
 
 @contextmanager
 def holding(path: str | Path, kind: str) -> Iterator[None]:
-    """Report in one line that a valid file does not hold what is read from it."""
+    """Report in one line that an intact file does not have the expected content."""
     try:
         yield
     except InputError as error:
@@ -134,7 +134,7 @@ def _signed(path: str | Path) -> tuple[str, str]:
 
 
 def _digest(tensors: Mapping[str, np.ndarray], description: str) -> str:
-    """Of all that a file says."""
+    """Digest of a file's tensors and description."""
     digest = hashlib.sha256(description.encode())
     for name in sorted(tensors):
         values = tensors[name]
@@ -145,7 +145,7 @@ def _digest(tensors: Mapping[str, np.ndarray], description: str) -> str:
 
 @contextmanager
 def _readable(path: str | Path, kind: str, *faults: type[Exception], whole: bool = True) -> Iterator[None]:
-    """Report in one line why a file of some kind cannot be read; `faults` are errors of its content."""
+    """Report in one line why a file of a kind cannot be read; `faults` are errors of its content."""
     try:
         require_file(path, whole)
         yield
@@ -155,12 +155,12 @@ def _readable(path: str | Path, kind: str, *faults: type[Exception], whole: bool
         raise
     except faults as error:
         raise InputError(f"{path}: not a {kind} file: {error}") from error
-    except OSError as error:  # as of a folder
+    except OSError as error:  # e.g. for a folder
         raise InputError(f"{path}: cannot be read: {error.strerror or error}") from error
 
 
 def write_metrics(metrics: Mapping[str, float | int | str | bool | None], target: str | Path) -> None:
-    """Publish a flat JSON of metrics, floats with six digits; a ValueError if one is NaN or infinite."""
+    """Publish a flat JSON of metrics, floats with six digits. Raises ValueError: NaN or infinite."""
     rounded: dict[str, float | int | str | bool | None] = {}
     for key, value in metrics.items():
         if isinstance(value, float | np.floating):
@@ -175,9 +175,9 @@ def write_metrics(metrics: Mapping[str, float | int | str | bool | None], target
 def read_metrics(path: str | Path) -> Metrics:
     """Read a flat JSON of metrics.
 
-    Raises InputError: the file is missing or no JSON of names and values.
+    Raises InputError: the file is missing or is not JSON with names and values.
     """
-    with _readable(path, "JSON", ValueError, RecursionError):  # also no text, or a number without end
+    with _readable(path, "JSON", ValueError, RecursionError):  # also for binary files and huge numbers
         found = json.loads(Path(path).read_text())
     if not isinstance(found, dict):
         raise InputError(f"{path}: not a JSON file of names and values")
@@ -191,6 +191,6 @@ def write_csv(frame: pd.DataFrame, target: str | Path) -> None:
 
 
 def read_csv(path: str | Path, **options: Any) -> pd.DataFrame:
-    """Read a CSV table, with the options of pandas' reader; an InputError if it is missing or no table."""
-    with _readable(path, "table", ValueError):  # no text, no columns, or rows of other lengths
+    """Read a CSV table with options of pandas' reader. Raises InputError: it is missing or no table."""
+    with _readable(path, "table", ValueError):  # no text, no columns, or rows of different lengths
         return pd.read_csv(path, **options)

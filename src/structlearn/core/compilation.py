@@ -1,12 +1,12 @@
-"""Numba, with a cache that is shared by all clones and safe for concurrent processes.
+"""Numba with a cache that is shared by all clones and safe for concurrent processes.
 
-Modules with compiled functions import numba from here. Numba alone looks for changes only in the file of the
-function that is called: one that calls a function of another module would silently go on with that module's
-old code after an edit. So every state of the compiled sources has a folder of its own, named by its digest
-wherever the sources are: an edit recompiles everything (half a minute), a second clone nothing.
+Modules with compiled functions import numba from here. Numba alone detects changes only in the file of the
+called function: a function that calls one of another module would silently keep that module's old code after
+an edit. So every state of the compiled sources has its own cache folder, named by their digest: an edit
+recompiles everything (half a minute), a second clone nothing.
 
-The folders are among the user's caches; if these are not writable, beside the sources; else temporary. Never
-where others may write, since cached code is executed.
+The folders are in the user's cache; if that is not writable, beside the sources; else temporary. They are
+never where others may write, since cached code is executed.
 """
 
 import atexit
@@ -26,15 +26,15 @@ import numpy as np
 from numba.core.caching import UserProvidedCacheLocator
 from numba.core.event import Event, Listener, register
 
-_CONFIG: Any = numba.config  # which gets its values at its import
+_CONFIG: Any = numba.config  # attributes are set on import
 PACKAGE = Path(__file__).resolve().parents[1]
-MARK = b"numba"  # only files that contain it can change what is compiled
+MARK = b"numba"  # only files that contain it affect compilation
 LOCK = "lock"
-UNUSED_S = 30 * 86400.0  # after which the code of other states of the sources is removed
+UNUSED_S = 30 * 86400.0  # age after which caches of other source states are removed
 
 
 class RelativeLocator(UserProvidedCacheLocator):
-    """Keeps compiled functions of the package by their module, not by the path of its folder."""
+    """Caches compiled functions of the package by module, not by the path of its folder."""
 
     @classmethod
     def get_suitable_cache_subpath(cls, py_file: str) -> str:
@@ -46,7 +46,7 @@ class RelativeLocator(UserProvidedCacheLocator):
 
 
 class OneProcess(Listener):
-    """Lets one process at a time load, compile and save; the others wait and then load what it has saved.
+    """Lets one process at a time load, compile and save; the others wait, then load what it saved.
 
     Numba replaces index and data of a function in two steps, so two processes that compile it at the same
     time would mix their files.
@@ -54,24 +54,24 @@ class OneProcess(Listener):
 
     def __init__(self) -> None:
         self._entry = threading.Lock()
-        self._depth = 0  # compiling a function compiles those that it calls
+        self._depth = 0  # compiling a function compiles its callees
         self._file = -1
 
     def on_start(self, event: Event) -> None:
         """Wait for the other processes."""
         with self._entry:
             if self._depth == 0:
-                # opened anew: forked processes share a lock with the parent's open file
+                # reopened, because forked processes share locks on the parent's open file
                 path = Path(_CONFIG.CACHE_DIR, LOCK)
                 path.parent.mkdir(parents=True, exist_ok=True)
                 self._file = os.open(path, os.O_RDWR | os.O_CREAT, 0o600)
                 os.utime(path)
-                with suppress(OSError):  # a network's disk may know no locks
+                with suppress(OSError):  # network file systems may not support locks
                     fcntl.flock(self._file, fcntl.LOCK_EX)
             self._depth += 1
 
     def on_end(self, event: Event) -> None:
-        """Let the next process go on."""
+        """Release the lock."""
         with self._entry:
             self._depth -= 1
             if self._depth == 0:
@@ -79,7 +79,7 @@ class OneProcess(Listener):
 
 
 def use_own_cache(package: Path) -> None:
-    """Point numba to the folder for the present sources in `package`, unless the user has chosen one."""
+    """Point numba to the cache of the present sources in `package`, unless the user has chosen one."""
     if not _CONFIG.CACHE_DIR:
         kept = _kept_for(package)
         folder = kept / f"compiled-{sources_digest(package)}"
@@ -100,7 +100,7 @@ def _kept_for(package: Path) -> Path:
             folder.mkdir(mode=0o700, parents=True, exist_ok=True)
             if os.access(folder, os.W_OK):
                 return folder
-    import tempfile  # seldom needed
+    import tempfile  # rarely needed
 
     own = tempfile.TemporaryDirectory(prefix=f"{package.name}-")
     atexit.register(own.cleanup)
@@ -108,7 +108,7 @@ def _kept_for(package: Path) -> Path:
 
 
 def sources_digest(package: Path) -> str:
-    """Digest of a folder's files with compiled functions: 16 hexadecimal digits."""
+    """Digest (16 hexadecimal digits) of a folder's files with compiled functions."""
     digest = hashlib.sha256()
     for path in sorted(package.rglob("*.py")):
         content = path.read_bytes()
@@ -120,16 +120,16 @@ def sources_digest(package: Path) -> str:
 use_own_cache(PACKAGE)
 register("numba:compiler_lock", OneProcess())
 
-# below the cache's settings, which decorated functions take when they are defined
+# after the cache's settings, which decorated functions read when they are defined
 
 compiled_inside = partial(
     numba.njit, cache=True, error_model="numpy", no_cpython_wrapper=True, no_cfunc_wrapper=True
 )()
-"""Decorator of functions that only compiled functions call: without Python wrappers, which take longer to
-compile than the function if it has many arrays."""
+"""Decorator for functions called only by compiled functions: without Python wrappers, which take longer to
+compile than a function with many arrays."""
 
 
 @numba.njit(cache=True, inline="always")
 def cross(a: np.ndarray | tuple, b: np.ndarray | tuple) -> tuple:
-    """Vector product of two vectors of three numbers each, faster than a call of linear algebra."""
+    """Cross product of two 3-vectors, faster than a call of linear algebra."""
     return a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]

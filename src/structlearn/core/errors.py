@@ -1,10 +1,10 @@
-"""Errors of input, as opposed to errors of the program."""
+"""Errors in the user's input, as opposed to bugs."""
 
-LONGEST = 600  # characters of a message; some libraries quote all of what they could not read
+LONGEST = 600  # characters of a message; some libraries quote everything they could not read
 
 
 def printable(text: str) -> str:
-    """Text with escaped control characters: a file, e.g. by a topic's name, must not steer a terminal."""
+    """Text with control characters escaped, so that e.g. a topic's name cannot control a terminal."""
     return "".join(
         sign if sign.isprintable() else sign.encode("unicode_escape").decode("ascii") for sign in text
     )
@@ -23,4 +23,4 @@ class InputError(ValueError):
 
 
 class MissingInputError(InputError):
-    """Input that is absent or too little, but not damaged; optional stages go on (`stage.or_empty`)."""
+    """Input that is absent or insufficient, but not damaged; optional stages continue (`stage.or_empty`)."""

@@ -18,8 +18,8 @@ FrameKind = Literal["up", "side", "world"]
 def frame_kind(displacement: np.ndarray, shortest_reach: float) -> FrameKind:
     """Definition of the local frame for a reach of displacement (3,) m, goal minus start.
 
-    The choice is made once, from the mean displacement of the demonstrations, and kept with the primitive:
-    deciding again at every unroll could turn the frame between two nearly equal reaches. Returns `world` for
+    The choice is made once, from the mean displacement of the demonstrations, and stored with the primitive:
+    choosing again at every unroll could switch frames between two nearly equal reaches. Returns `world` for
     reaches below `shortest_reach` (m), `side` for steep ones, else `up`, the dissertation's definition.
     """
     length = float(np.linalg.norm(displacement))

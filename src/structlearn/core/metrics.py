@@ -1,8 +1,9 @@
-"""Measures of agreement that several testbeds share, and their confidence intervals.
+"""Error measures shared by several testbeds, and their confidence intervals.
 
-Neighbouring samples of a time series are not independent. For intervals a series is cut into blocks longer
+Neighbouring samples of a time series are not independent. For intervals, a series is cut into blocks longer
 than the correlation time of its errors, and blocks are resampled with replacement (non-overlapping block
-bootstrap, Kuensch 1989). For statistics that are functions of sums a draw costs as much as there are blocks.
+bootstrap, Kuensch 1989). For statistics that depend on sums only, the cost of a draw is proportional to the
+number of blocks.
 """
 
 from typing import TYPE_CHECKING
@@ -17,8 +18,8 @@ if TYPE_CHECKING:
 def nmse(prediction: np.ndarray, target: np.ndarray) -> np.ndarray:
     """Normalised mean squared error: mean squared error / variance of the target (ddof 0), per column.
 
-    (T, ...), (T, ...) -> (...); 1 is as good as the target's mean. A constant target gives infinity, or 0
-    when it is met exactly.
+    (T, ...), (T, ...) -> (...); predicting the target's mean gives 1. For a constant target it is infinite,
+    or 0 if matched exactly.
     """
     error = np.mean((prediction - target) ** 2, axis=0)
     variance = np.var(target, axis=0)
@@ -33,9 +34,9 @@ def pairwise_spread(curves: np.ndarray) -> float:
 
 
 def mean_interval(samples: np.ndarray, confidence: float = 0.95) -> tuple[float, float]:
-    """Mean of independent samples (N,) and half the width of its confidence interval (t distribution).
+    """Mean of independent samples (N,), and half the width of its confidence interval (t distribution).
 
-    For a paired comparison the samples are differences of pairs. A single sample has half width NaN.
+    For a paired comparison, pass the differences of pairs. A single sample has half width NaN.
     """
     count = len(samples)
     if count < 2:
@@ -47,7 +48,7 @@ def mean_interval(samples: np.ndarray, confidence: float = 0.95) -> tuple[float,
 def wilson_interval(
     successes: np.ndarray | int, trials: np.ndarray | int, confidence: float = 0.95
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Wilson's interval of a probability from independent trials: lower and upper ends, (...) each."""
+    """Wilson interval of a probability from independent trials: lower and upper ends, (...) each."""
     quantile = ndtri(0.5 + 0.5 * confidence)
     count = np.asarray(trials, dtype=float)
     share = successes / count
@@ -66,33 +67,33 @@ def verdict(low: np.ndarray | float, high: np.ndarray | float) -> np.ndarray:
 
 
 def block_count(samples: int, length: int) -> int:
-    """Blocks of at least `length` samples in a series; one where it is shorter than two."""
+    """Number of blocks of at least `length` samples in a series, at least one."""
     return max(1, samples // length)
 
 
 def blocks(values: np.ndarray, length: int) -> list[np.ndarray]:
-    """A series (N, ...) in blocks of at least `length` samples; the last one takes what is left."""
+    """Split a series (N, ...) into blocks of at least `length` samples; the last one takes the remainder."""
     return np.split(values, length * np.arange(1, block_count(len(values), length)))
 
 
 def block_sums(values: np.ndarray, length: int) -> np.ndarray:
-    """Sums over the blocks: (N, ...) -> (B, ...)."""
+    """Sums over blocks: (N, ...) -> (B, ...)."""
     return np.array([block.sum(axis=0) for block in blocks(values, length)])
 
 
 def drawn_counts(count: int, draws: int, seed: int) -> np.ndarray:
-    """(draws, count): how often each block is taken when as many blocks are drawn with replacement."""
+    """Bootstrap counts (draws, count): how often each of `count` blocks is drawn, with replacement."""
     generator = np.random.default_rng(seed)
     return generator.multinomial(count, np.full(count, 1.0 / count), size=draws).astype(float)
 
 
 def percentiles(samples: np.ndarray, confidence: float = 0.95) -> tuple[np.ndarray, np.ndarray]:
-    """Ends (...) of the interval that holds that share of drawn values (draws, ...)."""
+    """Ends (...) of the central interval that contains a share `confidence` of drawn values (draws, ...)."""
     tail = 0.5 * (1.0 - confidence)
     low, high = np.quantile(samples, [tail, 1.0 - tail], axis=0)
     return low, high
 
 
 def matching(table: "pd.DataFrame", **values: object) -> "pd.DataFrame":
-    """Rows of a table with these values in these columns."""
+    """Rows of a table with the given values in the given columns."""
     return table[np.logical_and.reduce([table[name] == value for name, value in values.items()])]

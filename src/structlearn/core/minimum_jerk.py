@@ -1,4 +1,4 @@
-"""The speed profile of undisturbed human movement: least jerk from rest to rest (Flash & Hogan 1985)."""
+"""Minimum-jerk profile of human movement from rest to rest (Flash & Hogan 1985)."""
 
 from typing import TypeVar
 

@@ -1,9 +1,9 @@
-"""Independent pieces of work over the cores or over a Dask cluster, with a progress bar.
+"""Parallel map over the cores or over a Dask cluster, with a progress bar.
 
-The environment variable `STRUCTLEARN_BACKEND` says where: `fork`, the default, in processes on this machine,
-as many as there are cores or as `STRUCTLEARN_PROCESSES` says; `dask` on the cluster whose scheduler
-`DASK_SCHEDULER_ADDRESS` names; `sequential` in this process. Processes are forked, since new interpreters
-would import for seconds, and kept for later work, so that each loads compiled code once.
+The environment variable `STRUCTLEARN_BACKEND` selects where: `fork` (default) in processes on this machine,
+as many as cores or as `STRUCTLEARN_PROCESSES`; `dask` on the cluster with the scheduler
+`DASK_SCHEDULER_ADDRESS`; `sequential` in this process. Processes are forked, since new interpreters would
+import for seconds, and reused, so that each loads compiled code once.
 """
 
 import logging
@@ -33,10 +33,10 @@ PROCESSES = "STRUCTLEARN_PROCESSES"
 SCHEDULER = "DASK_SCHEDULER_ADDRESS"
 UNENCRYPTED = "STRUCTLEARN_UNENCRYPTED_DASK"
 
-ANSWER_S = 10.0  # a scheduler that runs answers within milliseconds
-WORKERS_S = 60.0  # workers that were started together with the scheduler have joined by then
+ANSWER_S = 10.0  # a running scheduler answers within milliseconds
+WORKERS_S = 60.0  # time for workers started together with the scheduler to join
 
-tqdm.monitor_interval = 0  # no thread of its own: processes are forked beside it
+tqdm.monitor_interval = 0  # no monitor thread, since processes are forked
 
 
 def parallel_map(
@@ -46,13 +46,13 @@ def parallel_map(
     lost: Callable[[Item], Result] | None = None,
     local: bool = False,
 ) -> list[Result]:
-    """Apply a picklable function to every item, in processes; results in the order of the items.
+    """Apply a picklable function to every item, in processes; results are in the order of the items.
 
     Randomness must come from a seed in the item. A process may die, out of memory or by a crash in compiled
-    code: with `lost`, items without a result then run again one at a time, and one that ends its process also
-    alone has the result `lost(item)`. `local`: the work needs files of this machine and not a cluster. Raises
-    InputError: a variable of the environment is invalid, or the cluster cannot be reached; RuntimeError: a
-    process died, and there is no `lost`.
+    code. With `lost`, items without a result are then run again one at a time, and an item that kills its
+    process again has the result `lost(item)`. `local`: the work needs files of this machine, so it does not
+    run on a cluster. Raises InputError: an environment variable is invalid, or the cluster cannot be reached;
+    RuntimeError: a process died, and there is no `lost`.
     """
     work = list(items)
     backend = os.environ.get(BACKEND, "fork")
@@ -65,11 +65,11 @@ def parallel_map(
     with bar(total=len(work)) as progress:
 
         def take(places: Iterable[int]) -> None:
-            """Store the results of items; those whose process died have none."""
+            """Store the results of items, except those whose process died."""
             pool, death = _cluster() if backend == "dask" and not local else (_processes(), BrokenProcessPool)
             running: dict[Future, int] = {}
             try:
-                with suppress(death):  # a pool that has broken takes no more
+                with suppress(death):  # a broken pool accepts no more items
                     for place in places:
                         running[pool.submit(partial(function, work[place]))] = place
                 for future in as_completed(running):
@@ -95,11 +95,11 @@ def parallel_map(
     return [results[place] for place in range(len(work))]
 
 
-_pools: dict[int, ProcessPoolExecutor] = {}  # by its number of processes; there is one at a time
+_pools: dict[int, ProcessPoolExecutor] = {}  # by number of processes; at most one at a time
 
 
 def _processes() -> ProcessPoolExecutor:
-    """Processes of this machine, reused if their number is the same."""
+    """Process pool of this machine, reused if its size is unchanged."""
     cores = len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count()
     given = os.environ.get(PROCESSES) or str(cores or 1)
     if not (given.isdecimal() and int(given)):
@@ -118,22 +118,22 @@ def _end_processes() -> None:
 
 
 def _begin_to_work(parent: int) -> None:
-    """Initialise a new process: it ends with its parent; BLAS, OpenMP and torch take one thread."""
+    """Initialise a new process: it ends with its parent, and BLAS, OpenMP and torch use one thread."""
     threading.Thread(target=_end_with, args=(parent,), daemon=True).start()
     threadpool_limits(1)
-    os.environ["OMP_NUM_THREADS"] = "1"  # of libraries that are loaded later
-    os.environ[BACKEND] = "sequential"  # the cores have their processes already
+    os.environ["OMP_NUM_THREADS"] = "1"  # for libraries that are loaded later
+    os.environ[BACKEND] = "sequential"  # no nested processes
 
 
 def _end_with(parent: int) -> None:
-    """Watch for a killed parent, which cannot end its processes."""
+    """Exit when the parent has been killed, which cannot end its processes."""
     while os.getppid() == parent:
         time.sleep(0.5)
     os._exit(1)
 
 
 def _cluster() -> tuple[Executor, type[Exception]]:
-    """The cluster, connected at the first call, and the error that tells of a worker that died four times."""
+    """The cluster, connected on the first call, and the error raised when a worker has died four times."""
     try:
         import dask
         from distributed import Client, KilledWorker
@@ -149,12 +149,12 @@ def _cluster() -> tuple[Executor, type[Exception]]:
             f"{SCHEDULER}={address}: whoever reaches this port can run code here; use tls:// with "
             f"certificates, or, in a network that only you reach, {UNENCRYPTED}=yes"
         )
-    # no warnings about large work and about results that are computed again since a worker died
+    # no warnings about large work and about results recomputed after a worker died
     dask.config.set({"distributed.admin.large-graph-warning-threshold": "1TB"})
     logging.getLogger("distributed.client").setLevel(logging.ERROR)
     try:
         client = Client(address, timeout=ANSWER_S)
-    except (OSError, ValueError, TypeError) as error:  # the last: TLS without certificates
+    except (OSError, ValueError, TypeError) as error:  # TypeError: TLS without certificates
         raise InputError(f"{SCHEDULER}={address}: no Dask scheduler answers ({error})") from error
     try:
         client.wait_for_workers(1, timeout=WORKERS_S)
@@ -165,7 +165,7 @@ def _cluster() -> tuple[Executor, type[Exception]]:
 
 
 def _private(address: str) -> bool:
-    """Whether a scheduler is encrypted or on this machine."""
+    """Whether the connection to a scheduler is encrypted or stays on this machine."""
     try:
         given = urlsplit(address if "://" in address else f"tcp://{address}")
         host = given.hostname or ""

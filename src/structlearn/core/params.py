@@ -1,8 +1,8 @@
-"""Parameters: `params.yaml` holds one key per stage, a pydantic model per stage checks it.
+"""Parameters: `params.yaml` has one key per stage, checked by a pydantic model per stage.
 
-The model lives beside the code that it configures (if that trains, in a module without torch, so that pages
-start quickly) and has no defaults: each value is in the file, once. This module holds what all models share.
-The file is read by YAML's C loader, once per process; `dvc.api.params_show` costs 0.7 s per stage.
+A model is defined beside the code that it configures (for training code, in a module without torch, so that
+pages start quickly) and has no defaults: each value is in the file, once. This module holds what all models
+share. The file is read by YAML's C loader, once per process; `dvc.api.params_show` takes 0.7 s per stage.
 """
 
 import re
@@ -30,14 +30,14 @@ from structlearn.core.reading import require_file
 
 
 class Parameters(BaseModel):
-    """Base of every parameter model: unknown keys, NaN and infinities are errors; values never change."""
+    """Base of all parameter models: unknown keys, NaN and infinities are errors; values are immutable."""
 
     model_config = ConfigDict(extra="forbid", frozen=True, allow_inf_nan=False)
 
     @field_validator("*", mode="before")
     @classmethod
     def _no_truth_value_is_a_number(cls, value: Any, info: ValidationInfo) -> Any:
-        """YAML reads `yes` and `on` as true, and pydantic would go on with 1."""
+        """Reject booleans for numbers: YAML reads `yes` and `on` as true, and pydantic would take 1."""
         numbers = (value, *value) if isinstance(value, list | tuple) else (value,)
         if any(isinstance(one, bool) for one in numbers):
             assert info.field_name is not None  # a validator of fields, not of the model
@@ -48,7 +48,7 @@ class Parameters(BaseModel):
 
 
 NAME = r"^\w[\w .+()-]*$"
-"""Names become file names, labels in figures (where $ starts a formula) and cells (where = and @ do)."""
+"""Names are used in file names, figure labels (where $ starts a formula) and cells (where = and @ do)."""
 
 Name = Annotated[str, Field(pattern=NAME, max_length=100)]
 
@@ -58,14 +58,14 @@ ParametersType = TypeVar("ParametersType", bound=Parameters)
 def read_parameters(path: Path, key: str, model: type[ParametersType]) -> ParametersType:
     """Validate the value of one key of a YAML file, e.g. `testbed.touch`, against its model.
 
-    Raises InputError: the file is missing or no YAML mapping, the key is absent, a key stands twice, or a
-    value is missing, unknown, of the wrong type or out of range; the message names file, key and reason.
+    Raises InputError: the file is missing or is not a YAML mapping, the key is absent, a key is duplicate, or
+    a value is missing, unknown, of the wrong type or out of range; the message names file, key and reason.
     """
     return checked(value_at(path, key), model, path, key)
 
 
 def value_at(path: str | Path, key: str) -> Any:
-    """Value at one dotted key of a YAML file, not validated, read-only; an InputError if it is absent."""
+    """Unvalidated value at a dotted key of a YAML file, read-only. Raises InputError: it is absent."""
     values = read_values(path)
     for part in key.split("."):
         if not isinstance(values, dict) or part not in values:
@@ -75,7 +75,7 @@ def value_at(path: str | Path, key: str) -> Any:
 
 
 def read_values(path: str | Path) -> Any:
-    """Contents of a YAML file, not validated, read-only; an InputError if missing, no YAML, a key twice."""
+    """Unvalidated contents of a YAML file, read-only. Raises InputError: missing, invalid, duplicate keys."""
     path = Path(path)
     try:
         require_file(path)
@@ -89,12 +89,12 @@ def read_values(path: str | Path) -> Any:
         raise
     except _DuplicateKeyError as error:
         raise InputError(f"{path}: {error}") from error
-    except Exception as error:  # YAML's, or that of a date, a number, a tag or bytes that are none
+    except Exception as error:  # from YAML, or from an invalid date, number, tag or byte
         raise InputError(f"{path}: not a YAML file: {error}") from error
 
 
 def home_path(path: str | Path) -> Path:
-    """A path with `~` expanded to the home folder; an InputError if there is no such user."""
+    """A path with `~` expanded to the home folder. Raises InputError: there is no such user."""
     try:
         return Path(path).expanduser()
     except RuntimeError as error:
@@ -102,7 +102,7 @@ def home_path(path: str | Path) -> Path:
 
 
 def checked(values: Any, model: type[ParametersType], path: str | Path, key: str) -> ParametersType:
-    """Validated values; an InputError if one is missing, unknown, of the wrong type or out of range."""
+    """Validated values. Raises InputError: missing, unknown, of the wrong type or out of range."""
     try:
         return model.model_validate(values)
     except ValidationError as error:
@@ -110,7 +110,7 @@ def checked(values: Any, model: type[ParametersType], path: str | Path, key: str
 
 
 def merged(values: Mapping[str, Any], changes: Mapping[str, Any]) -> dict[str, Any]:
-    """A mapping with some values changed, those of nested mappings one by one."""
+    """A mapping with some values changed; nested mappings are merged recursively."""
     result = dict(values)
     for name, change in changes.items():
         before = result.get(name)
@@ -127,24 +127,24 @@ def _tree(path: Path, modified_ns: int, size: int) -> Any:
     brackets = np.cumsum([1 if bracket in "[{" else -1 for bracket in re.findall(r"[\[\]{}]", text)])
     levels = (len(line) - len(re.sub(r"^[\s?-]*", "", line)) for line in text.splitlines())
     if max(brackets, default=0) > DEEPEST or max(levels, default=0) > DEEPEST:
-        raise ValueError("nested too deeply")  # the loader in C would end the process
+        raise ValueError("nested too deeply")  # the C loader would crash the process
     return yaml.load(text, _Loader)
 
 
 DEEPEST = 1000
-"""Limit on nested brackets, and on blanks, dashes and question marks before a line's text: each level of YAML
-takes at least one."""
+"""Limit on nested brackets, and on blanks, dashes and question marks at the start of a line: each level of
+YAML needs at least one."""
 
 
 class _DuplicateKeyError(ValueError):
-    """YAML itself would silently take the last value."""
+    """Duplicate key; YAML itself would silently take the last value."""
 
 
 class _Loader(getattr(yaml, "CSafeLoader", yaml.SafeLoader)):  # type: ignore[misc]  # libyaml or not
-    """YAML's safe loader, in C if compiled in; duplicate keys are errors."""
+    """YAML's safe loader, in C if available; duplicate keys are errors."""
 
     def construct_yaml_int(self, node: yaml.ScalarNode) -> int:
-        """An integer that can be printed; Python limits the digits, but not of hexadecimal input."""
+        """An integer short enough to print; Python limits decimal digits, but not hexadecimal ones."""
         value = super().construct_yaml_int(node)
         str(value)
         return value
@@ -163,13 +163,15 @@ _Loader.add_constructor("tag:yaml.org,2002:int", _Loader.construct_yaml_int)
 
 
 def _reasons(key: str, error: ValidationError) -> list[str]:
-    """One phrase per fault, with the dotted path of the key, e.g. `segment.extension_s: ... (got -1)`."""
+    """One phrase per error, with the dotted path of the key, e.g. `segment.extension_s: ... (got -1)`."""
     reasons = []
     for fault in error.errors():
         where = ".".join([key, *(str(part) for part in fault["loc"])])
         if fault["type"] == "extra_forbidden":
             reasons.append(f"{where}: unknown parameter")
-        elif isinstance(fault["input"], dict) and "error" in fault.get("ctx", {}):  # of several values
+        elif isinstance(fault["input"], dict) and "error" in fault.get(
+            "ctx", {}
+        ):  # from a validator of several values
             reasons.append(f"{where}: {fault['ctx']['error']}")
         else:
             reasons.append(f"{where}: {fault['msg']} (got {reprlib.repr(fault['input'])})")
@@ -180,7 +182,7 @@ Seeds = Annotated[list[NonNegativeInt], Field(min_length=1)]
 
 
 class Population(Parameters):
-    """Seeds of people, robots or scenes: constants are chosen on `tuning`, verdicts rest on `test`."""
+    """Seeds of people, robots or scenes: constants are tuned on `tuning`, verdicts rest on `test`."""
 
     tuning: Seeds
     test: Seeds
@@ -197,5 +199,5 @@ class Population(Parameters):
 
     @property
     def shown(self) -> int:
-        """Seed that recordings and first figures show."""
+        """Seed shown in recordings and first figures."""
         return self.tuning[0]

@@ -1,7 +1,7 @@
-"""Atomic publishing: a file or a folder appears at its place when it is complete, or not at all.
+"""Atomic publishing: a file or folder appears at its place when it is complete, or not at all.
 
-It is written beside its place under a temporary name, synced to disk and renamed, so neither a killed stage
-nor a power cut leaves anything half-written, and two processes never write one target.
+It is written beside its place under a temporary name, synced to disk and renamed. So neither a killed stage
+nor a power cut leaves incomplete files, and two processes never write the same target.
 """
 
 import errno
@@ -17,11 +17,11 @@ from structlearn.core.errors import InputError
 
 @contextmanager
 def publish(target: str | Path) -> Iterator[Path]:
-    """Give a temporary path beside `target`; move what was written there in place on success.
+    """Yield a temporary path beside `target`, and move what was written there in place on success.
 
     The caller writes a file at the path, which has the target's suffix, or makes a folder of it. Parent
-    folders are made. Nothing appears at `target` when the body raises, and what stood there before stays.
-    Raises InputError: the disk is full or may not be written on, or another process publishes the target.
+    folders are created. If the body raises, `target` keeps its previous content, if any. Raises InputError:
+    the disk is full or not writable, or another process is publishing the target.
     """
     target = Path(target)
     workspace = target.parent / f".publish-{target.name}"
@@ -29,15 +29,15 @@ def publish(target: str | Path) -> Iterator[Path]:
     try:
         target.parent.mkdir(parents=True, exist_ok=True)
         with alone_in(workspace, f"{target}: another process is writing it"):
-            if replaced.exists() and not target.exists():  # killed between the two moves below
+            if replaced.exists() and not target.exists():  # killed between the two renames below
                 replaced.rename(target)
-            for left in workspace.iterdir():  # by a killed run
+            for left in workspace.iterdir():  # left by a killed run
                 shutil.rmtree(left) if left.is_dir() and not left.is_symlink() else left.unlink()
             try:
                 yield temporary
                 _to_disk(temporary)
-                if target.is_dir() and temporary.exists():  # nothing written: the old content stays
-                    target.rename(replaced)  # a folder cannot be replaced in one step
+                if target.is_dir() and temporary.exists():  # else nothing was written, and the old one stays
+                    target.rename(replaced)  # folders cannot be replaced in one step
                 os.replace(temporary, target)
                 _to_disk(target.parent, deep=False)
             finally:
@@ -49,7 +49,7 @@ def publish(target: str | Path) -> Iterator[Path]:
 
 
 def disk_fault(error: OSError) -> str | None:
-    """Why the machine did not write a file; None for other errors."""
+    """Reason why the machine could not write a file; None for other errors."""
     return os.strerror(error.errno) if error.errno and error.errno in OF_THE_DISK else None
 
 
@@ -59,12 +59,12 @@ OF_THE_DISK = {
 }
 """Write errors caused by the machine."""
 
-_locks: set[int] = set()  # open files by which this process holds its workspaces
+_locks: set[int] = set()  # open files that hold this process's locks
 
 
 @contextmanager
 def alone_in(workspace: Path, complaint: str) -> Iterator[None]:
-    """Lock a folder, which is made if need be, against other processes; an InputError if one has the lock."""
+    """Lock a folder, created if needed, against other processes. Raises InputError: it is locked."""
     while True:
         workspace.mkdir(exist_ok=True)
         lock = os.open(workspace, os.O_RDONLY)
@@ -74,7 +74,7 @@ def alone_in(workspace: Path, complaint: str) -> Iterator[None]:
             if workspace.exists() and os.path.samestat(os.fstat(lock), workspace.stat()):
                 yield
                 return
-        except BlockingIOError as error:  # whoever had it before us may have removed it: then try again
+        except BlockingIOError as error:  # the previous owner may have removed the folder: retry
             raise InputError(complaint) from error
         finally:
             _locks.discard(lock)
@@ -91,7 +91,7 @@ os.register_at_fork(after_in_child=_let_go)
 
 
 def _to_disk(path: Path, deep: bool = True) -> None:
-    """Wait until a file, or a folder with all below it, has reached the disk."""
+    """Flush a file, or a folder with everything in it, to disk."""
     inside = path.rglob("*") if deep and path.is_dir() else ()
     for entry in (*inside, path):
         if entry.exists() and not entry.is_symlink():

@@ -1,8 +1,8 @@
 """Unit quaternions, scalar first, as in appendix B of the dissertation.
 
 Q = [r, q] with r the scalar; Q and -Q are the same rotation. All functions are batched over leading axes and
-follow numpy broadcasting. The dissertation's `log` is half a rotation vector; here `log` and `exp` keep its
-convention, and `rotation_vector` / `from_rotation_vector` are twice that.
+broadcast like numpy. The dissertation's `log` is half the rotation vector; `log` and `exp` here keep that
+convention, and `rotation_vector` / `from_rotation_vector` use the full vector.
 """
 
 import numpy as np
@@ -11,17 +11,17 @@ IDENTITY = np.array([1.0, 0.0, 0.0, 0.0])
 
 
 def product(a: np.ndarray, b: np.ndarray) -> np.ndarray:
-    """Hamilton product a o b (eq. B.1), the rotation b followed by a, both in the base frame: (..., 4)."""
+    """Hamilton product a o b (eq. B.1): rotation b followed by a, both in the base frame, (..., 4)."""
     components = (np.moveaxis(np.asarray(q, dtype=float), -1, 0) for q in (a, b))
     return np.stack(product_components(*components), axis=-1)
 
 
 Components = np.ndarray | tuple[float, float, float, float]
-"""Of a quaternion; compiled functions use tuples, which unlike arrays need no memory."""
+"""Components of a quaternion; compiled functions use tuples, which unlike arrays need no allocation."""
 
 
 def product_components(a: Components, b: Components) -> tuple:
-    """The four components of the product from those of (4, ...) quaternions; numba compiles it as it is."""
+    """Components of the Hamilton product of (4, ...) quaternions; also compiled by numba."""
     return (
         a[0] * b[0] - a[1] * b[1] - a[2] * b[2] - a[3] * b[3],
         a[0] * b[1] + a[1] * b[0] + a[2] * b[3] - a[3] * b[2],
@@ -44,7 +44,7 @@ def log(q: np.ndarray) -> np.ndarray:
     """Logarithm of unit quaternions (eq. B.3), half the rotation vector: (..., 4) -> (..., 3) rad.
 
     The half angle is atan2(|q|, r), which keeps full precision near the identity, where arccos(r) loses half
-    the digits. Q and -Q have different logarithms; see `shortest` for the short way round.
+    the digits. Q and -Q have different logarithms; see `shortest` for the shorter rotation.
     """
     q = np.asarray(q, dtype=float)
     sine = np.linalg.norm(q[..., 1:], axis=-1, keepdims=True)
@@ -63,13 +63,13 @@ def exp(half_vector: np.ndarray) -> np.ndarray:
 
 
 def shortest(q: np.ndarray) -> np.ndarray:
-    """Of Q and -Q, the one with r >= 0, whose logarithm is the short way round. Shape (..., 4)."""
+    """Of Q and -Q, the one with r >= 0, whose logarithm is the shorter rotation, (..., 4)."""
     q = np.asarray(q, dtype=float)
     return np.where(q[..., :1] < 0, -q, q)
 
 
 def rotation_vector(q: np.ndarray) -> np.ndarray:
-    """Rotation vectors of the short way round, 2 log(Q): (..., 4) -> (..., 3) in rad, norm in [0, pi]."""
+    """Rotation vectors of the shorter rotation, 2 log(Q): (..., 4) -> (..., 3) rad, norm in [0, pi]."""
     return 2.0 * log(shortest(q))
 
 
@@ -79,7 +79,7 @@ def from_rotation_vector(vector: np.ndarray) -> np.ndarray:
 
 
 def difference(target: np.ndarray, q: np.ndarray) -> np.ndarray:
-    """Rotation vector (..., 3) rad that turns Q to the target the short way round, 2 log(Q_target o Q*)."""
+    """Rotation vector (..., 3) rad from Q to the target, the shorter way: 2 log(Q_target o Q*)."""
     return rotation_vector(product(target, conjugate(q)))
 
 
@@ -89,7 +89,7 @@ def angle_between(a: np.ndarray, b: np.ndarray) -> np.ndarray:
 
 
 def rotate(q: np.ndarray, vector: np.ndarray) -> np.ndarray:
-    """Vectors turned by rotations, Q o [0, v] o Q*: (..., 4), (..., 3) -> (..., 3)."""
+    """Rotated vectors Q o [0, v] o Q*: (..., 4), (..., 3) -> (..., 3)."""
     q = np.asarray(q, dtype=float)
     vector = np.asarray(vector, dtype=float)
     axis = np.broadcast_to(q[..., 1:], np.broadcast_shapes(q[..., 1:].shape, vector.shape))
@@ -110,7 +110,7 @@ def matrix(q: np.ndarray) -> np.ndarray:
 
 
 def sign_continuous(path: np.ndarray) -> np.ndarray:
-    """The same rotations (..., T, 4) without jumps between Q and -Q along a path; the first one is kept."""
+    """The same rotations (..., T, 4) without sign flips along the path; the first one is kept."""
     path = np.asarray(path, dtype=float)
     flips = np.sum(path[..., 1:, :] * path[..., :-1, :], axis=-1) < 0
     signs = np.where(np.cumsum(flips, axis=-1) % 2 == 1, -1.0, 1.0)
@@ -145,5 +145,5 @@ def from_xyzw(q: np.ndarray) -> np.ndarray:
 
 
 def to_xyzw(q: np.ndarray) -> np.ndarray:
-    """Scalar-last quaternions, as ROS, PyBullet, Pinocchio and scipy have them. Shape (..., 4)."""
+    """Scalar-last quaternions (ROS, PyBullet, Pinocchio, scipy) from scalar-first ones, (..., 4)."""
     return np.roll(q, -1, axis=-1)

@@ -1,4 +1,4 @@
-"""Limits on input: regular files only, and no more of each than fits into memory."""
+"""Limits on input files: regular files only, and no more of each than fits into memory."""
 
 import hashlib
 import stat
@@ -7,14 +7,14 @@ from pathlib import Path
 from structlearn.core.errors import InputError
 
 LARGEST = 2**30
-"""Bytes of the largest file that is read as a whole, see also `Budget`."""
+"""Largest size in bytes of a file that is read as a whole, see also `Budget`."""
 
 PER_MESSAGE = 200
-"""Bytes that Python takes for a message beside its content."""
+"""Bytes of Python overhead per message."""
 
 
 def require_file(path: str | Path, whole: bool = True) -> None:
-    """Raise InputError for a pipe, a device or a file too large to be read `whole`; OSError if missing."""
+    """Raise InputError for pipes, devices and files too large to read `whole`; OSError if missing."""
     state = Path(path).stat()
     if not stat.S_ISREG(state.st_mode):
         raise InputError(f"{path}: cannot be read: not a file")
@@ -36,7 +36,7 @@ class Budget:
         self._total = self._left = LARGEST + 20 * path.stat().st_size
 
     def take(self, count: int) -> None:
-        """Count unpacked bytes; an InputError beyond the limit."""
+        """Count unpacked bytes. Raises InputError: beyond the limit."""
         self._left -= count
         if self._left < 0:
             raise InputError(

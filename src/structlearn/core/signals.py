@@ -4,14 +4,14 @@ from functools import cache
 
 import numpy as np
 
-BUTTERWORTH_ORDER = 2  # run forwards and backwards, so the effective order is twice that
+BUTTERWORTH_ORDER = 2  # run forwards and backwards, so the effective order is doubled
 
 
 def low_pass(signal: np.ndarray, dt: float, cutoff_hz: float) -> np.ndarray:
     """Zero-phase Butterworth low-pass along the first axis: (T, ...) -> (T, ...), `dt` in s.
 
-    The ends are extended by odd reflection, which keeps value and slope there. A cut-off at or above half the
-    sampling rate leaves the signal as it is.
+    The ends are extended by odd reflection, which preserves value and slope there. A cut-off at or above half
+    the sampling rate leaves the signal unchanged.
     """
     from scipy.signal import sosfiltfilt
 
@@ -23,25 +23,25 @@ def low_pass(signal: np.ndarray, dt: float, cutoff_hz: float) -> np.ndarray:
 
 
 def derivative(signal: np.ndarray, dt: float) -> np.ndarray:
-    """Derivative by second-order differences, central inside. Shape (T, ...) with T >= 3, per second."""
+    """Second-order finite differences, central inside: (T, ...) -> (T, ...) per s, T >= 3, `dt` in s."""
     return np.gradient(signal, dt, axis=0, edge_order=2)
 
 
 def standardise(signal: np.ndarray) -> np.ndarray:
-    """Zero mean and unit variance per column; a constant column becomes zero. Shape (T, ...)."""
+    """Zero mean and unit variance per column, (T, ...); constant columns become zero."""
     spread = signal.std(axis=0)
     return (signal - signal.mean(axis=0)) / np.where(spread > 0, spread, 1.0)
 
 
 def standardise_together(signal: np.ndarray) -> np.ndarray:
-    """Zero mean per column, and unit variance of all columns together; a constant becomes zero. (T, D)."""
+    """Zero mean per column, and unit variance of all columns together, (T, D); constants become zero."""
     centred = signal - signal.mean(axis=0)
     spread = np.linalg.norm(centred) / np.sqrt(len(centred))
     return centred / spread if spread > 0 else centred
 
 
 def time_normalised(signal: np.ndarray, count: int) -> np.ndarray:
-    """Linear resampling from start to end at `count` points. Shape (T, ...) -> (count, ...)."""
+    """Linear resampling at `count` points from start to end, (T, ...) -> (count, ...)."""
     position = np.linspace(0.0, len(signal) - 1.0, count)
     left = np.minimum(position.astype(int), len(signal) - 2)
     fraction = (position - left).reshape(-1, *[1] * (signal.ndim - 1))
@@ -50,7 +50,7 @@ def time_normalised(signal: np.ndarray, count: int) -> np.ndarray:
 
 @cache
 def _sections(cutoff: float) -> np.ndarray:
-    """Second-order sections of the low-pass, its cut-off relative to Nyquist; their design takes 2 ms."""
+    """Second-order sections of the low-pass, cut-off relative to Nyquist; cached, since design takes 2 ms."""
     from scipy.signal import butter
 
     return butter(BUTTERWORTH_ORDER, cutoff, output="sos")

@@ -1,7 +1,7 @@
-"""The source files that a script imports, each with a digest: the code that a stage of DVC depends on.
+"""Source files that a script imports, with digests: the code that a DVC stage depends on.
 
-Imports are read from the syntax tree, also inside functions. Digests leave out docstrings, comments, layout
-and annotations of functions, so that edits of wording do not run stages again.
+Imports are read from the syntax tree, also inside functions. Digests ignore docstrings, comments, layout and
+annotations of functions, so that edits of wording do not rerun stages.
 """
 
 import ast
@@ -11,12 +11,12 @@ from collections.abc import Iterable, Iterator
 from functools import cache
 from pathlib import Path
 
-DATA_SUFFIXES = (".yaml", ".jinja", ".css", ".js")  # that modules read from their folder, or below it
+DATA_SUFFIXES = (".yaml", ".jinja", ".css", ".js")  # data that modules read from their folder, or below it
 MODULE_NAME = re.compile(r"structlearn(\.\w+)+\.?")
 
 
 class SourceTree:
-    """Sources below a folder, e.g. `src`, each read once; other packages are not followed."""
+    """Sources below a folder, e.g. `src`, each read once; imports of other packages are not followed."""
 
     def __init__(self, root: Path) -> None:
         self.root = root
@@ -25,14 +25,15 @@ class SourceTree:
         self._faces: dict[Path, dict[str, str]] = {}
 
     def closure(self, script: Path) -> dict[Path, str]:
-        """Digest by path, relative to the root, of all that a script imports, directly or not.
+        """Digest of each file that a script imports, directly or indirectly, by path relative to the root.
 
-        A string that is a module's name counts as an import of it; of all of a package, one that is its name
-        and a dot, or `package.__name__`. Data files beside a module come with it. Names of a lazily loaded
-        package are followed by its stub. Raises SyntaxError: a file is no Python, or imports relatively.
+        A string that is a module's name counts as an import of the module; a package's name followed by a
+        dot, or `package.__name__`, as an import of all its modules. Data files beside a module are included.
+        Names of a lazily loaded package are resolved by its stub. Raises SyntaxError: a file is not Python,
+        or uses relative imports.
         """
         found: dict[Path, str] = {}
-        waiting = self._file(script)[1] - _data_files(script.parent)  # entries of tasks lie beside scripts
+        waiting = self._file(script)[1] - _data_files(script.parent)  # task entries lie beside scripts
         while waiting:
             path = waiting.pop()
             if path not in found:
@@ -41,7 +42,7 @@ class SourceTree:
         return {path.relative_to(self.root): found[path] for path in sorted(found)}
 
     def write(self, scripts: Iterable[Path], folder: Path, root: Path | None = None) -> None:
-        """Write the closure of each script as `NAME.txt`, a line per file; in the folders below `root`."""
+        """Write the closure of each script as `NAME.txt`, a line per file, mirroring folders below `root`."""
         for script in scripts:
             path = (folder / (script.relative_to(root) if root else script.name)).with_suffix(".txt")
             lines = [f"{digest[:16]} {file.as_posix()}\n" for file, digest in self.closure(script).items()]
@@ -49,7 +50,7 @@ class SourceTree:
             path.write_text("".join(lines), encoding="utf-8")
 
     def _file(self, path: Path) -> tuple[str, set[Path]]:
-        """Digest of one file, and the files that it uses."""
+        """Digest of a file, and the files that it uses."""
         if path not in self._read:
             content, used = path.read_bytes(), set()
             if path.suffix == ".py":
@@ -67,7 +68,7 @@ class SourceTree:
         return self._read[path]
 
     def _modules(self, name: str) -> set[Path]:
-        """Files that run when a dotted name is imported: the module and the packages above it."""
+        """Files that run on import of a dotted name: the module and its parent packages."""
         if name not in self._found:
             self._found[name] = self._searched(name)
         return self._found[name]
@@ -84,7 +85,7 @@ class SourceTree:
         return {file for file in files if file.is_file()}
 
     def _face(self, package: Path) -> dict[str, str]:
-        """Module within a package by the name that the package's stub lists."""
+        """Module that defines each name in a package's stub."""
         if package not in self._faces:
             stub = ast.parse((package / "__init__.pyi").read_text(encoding="utf-8"))
             imports = [node for node in stub.body if isinstance(node, ast.ImportFrom)]
@@ -93,12 +94,12 @@ class SourceTree:
 
 
 def _attaches_face(node: ast.AST) -> bool:
-    """Whether a statement sets up lazy loading of a package, whose names `_face` follows."""
+    """Whether a statement sets up lazy loading of a package, resolved by `_face`."""
     return "lazy_loader" in {getattr(one, "id", getattr(one, "name", "")) for one in ast.walk(node)}
 
 
 def _remove_wording(tree: ast.Module) -> None:
-    """Remove docstrings and other bare strings, and annotations of functions, in place."""
+    """Remove docstrings, other bare strings, and annotations of functions, in place."""
     for node in ast.walk(tree):
         if isinstance(node, ast.FunctionDef | ast.AsyncFunctionDef):
             node.returns = None
@@ -117,9 +118,9 @@ def _is_bare_string(node: ast.AST) -> bool:
 
 
 def _names(tree: ast.Module) -> Iterator[str]:
-    """Dotted names of modules, or of what they define, that a file imports or names; see `closure`."""
+    """Dotted names of modules or their members that a file imports or mentions; see `closure`."""
     packages: dict[str, str] = {}
-    named: list[str] = []  # whose `__name__` is taken
+    named: list[str] = []  # names whose `__name__` is used
     for node in ast.walk(tree):
         if isinstance(node, ast.Import):
             yield from (alias.name for alias in node.names)
@@ -136,7 +137,7 @@ def _names(tree: ast.Module) -> Iterator[str]:
 
 
 def _flatten(node: object, words: list[str]) -> None:
-    """The tree as words; empty fields are left out, so that all versions of Python agree."""
+    """Flatten the tree to words; empty fields are left out, so that all versions of Python agree."""
     if isinstance(node, ast.AST):
         words.append(type(node).__name__)
         for field in node._fields:

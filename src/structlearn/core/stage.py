@@ -1,8 +1,8 @@
-"""Frame of stage scripts: checked parameters, one-line errors, and wall times.
+"""Entry point of stage scripts: checked parameters, one-line errors, and wall times.
 
-A stage is a script that DVC runs from the project's root; it can be run by hand from there too. The wall time
-of its last run by DVC is listed by `python -m structlearn.core.stage`. Times are in no artefact that a stage
-depends on or that git keeps.
+A stage is a script that DVC runs from the project's root, and that can be run by hand from there too.
+`python -m structlearn.core.stage` lists the wall time of each stage's last run by DVC. Times are in no
+artefact that stages depend on or that git tracks.
 """
 
 import atexit
@@ -24,8 +24,8 @@ from structlearn.core.params import ParametersType, read_parameters
 from structlearn.core.publication import alone_in, disk_fault, publish
 
 PARAMETER_FILE = Path("params.yaml")
-INTERRUPTED = 130  # exit code of what SIGINT ended, as shells have it
-TIMES = Path("reports/times.json")  # of the working directory, so an experiment in another has its own times
+INTERRUPTED = 130  # exit code after SIGINT, as in shells
+TIMES = Path("reports/times.json")  # in the working directory, so experiments elsewhere keep their own times
 RUN_BY_DVC = "DVC_STAGE"  # environment variable that DVC sets while a stage runs
 _IMPORTED_S = time.perf_counter()
 
@@ -36,7 +36,7 @@ def stage_parameters(key: str, model: type[ParametersType], path: Path = PARAMET
 
 
 def or_empty(main: Callable[[], None], target: str | Path) -> Callable[[], None]:
-    """`main`, which leaves an empty folder at `target` and says why if its input is missing."""
+    """Wrap `main` to leave an empty folder at `target` and print the reason if its input is missing."""
 
     def made() -> None:
         try:
@@ -52,8 +52,8 @@ def or_empty(main: Callable[[], None], target: str | Path) -> Callable[[], None]
 def run(main: Callable[[], None]) -> None:
     """Run a stage; bad input becomes one line on standard error and exit code 1.
 
-    So does a second run of the stage at the same time, and Ctrl-C with code `INTERRUPTED`. Errors of the
-    program itself keep their traceback. When DVC runs the stage, its time is recorded.
+    So does a concurrent run of the same stage, and Ctrl-C with code `INTERRUPTED`. Bugs keep their traceback.
+    If DVC runs the stage, its time is recorded.
     """
     try:
         with _alone():
@@ -68,7 +68,7 @@ def run(main: Callable[[], None]) -> None:
 
 @contextmanager
 def _alone() -> Iterator[None]:
-    """Lock the stage, for its task if it has one, against other processes in this folder."""
+    """Lock the stage (of its task, if it has one) against other processes in this folder."""
     script, *words = sys.argv
     package, path = Path(__file__).parents[1], Path(script).resolve()
     if path.is_relative_to(package) and path.parent.name != "stages":  # a command of the package
@@ -85,7 +85,7 @@ def _alone() -> Iterator[None]:
 
 
 def _in_one_line(kind: type[BaseException], error: BaseException, trace: TracebackType | None) -> None:
-    """Report a full disk in one line, also when numba saves compiled code."""
+    """Report a full disk in one line, also when raised while numba saves compiled code."""
     fault = disk_fault(error) if isinstance(error, OSError) else None
     if fault is None:
         sys.__excepthook__(kind, error, trace)
@@ -104,21 +104,21 @@ class StageTime(NamedTuple):
 
 
 def timed(main: Callable[[], None]) -> None:
-    """Run a stage; if DVC runs it, its time is written at exit, when worker processes have been counted."""
+    """Run a stage; if run by DVC, record its time at exit, when worker processes have been counted."""
     main()
     if RUN_BY_DVC in os.environ:
-        # by its command: DVC's name of a stage depends on the folder that DVC is called in
+        # by command, because DVC's name of a stage depends on the folder that DVC is called in
         command, wall_s = shlex.join(sys.argv), _since_start_s()
         atexit.register(lambda: record(command, StageTime(wall_s, sum(os.times()[:4]))))
 
 
 def record(command: str, taken: StageTime, path: Path = TIMES) -> None:
-    """Record the time of a stage, rounded to 0.1 s; if it cannot be written, a warning is printed."""
+    """Record the time of a stage, rounded to 0.1 s; prints a warning if it cannot be written."""
     try:
         path.parent.mkdir(parents=True, exist_ok=True)
         lock = os.open(path.parent, os.O_RDONLY)
         try:
-            fcntl.flock(lock, fcntl.LOCK_EX)  # other stages that end now add their times too
+            fcntl.flock(lock, fcntl.LOCK_EX)  # other stages may finish at the same time
             times = {**read_times(path), command: StageTime(*(round(value, 1) for value in taken))}
             with publish(path) as target:
                 target.write_text(json.dumps(times, indent=1, sort_keys=True) + "\n")
@@ -137,7 +137,7 @@ def read_times(path: Path = TIMES) -> dict[str, StageTime]:
 
 
 def main() -> None:
-    """Print the times of all stages, the longest first, and their sum."""
+    """Print the times of all stages in falling order, and their sum."""
     times = sorted(read_times().items(), key=lambda entry: -entry[1].wall_s)
     print("  wall s    CPU s  stage, when it ran last")
     for command, its in times:

@@ -1,7 +1,8 @@
 """One tick of the controller, compiled: sensor bookkeeping, feedback, and one exact step of the pose.
 
-The steps themselves are those of `primitives.transformation` and `primitives.orientation`; here is what a
-run adds: which row of the plan is due, how old the sensor's sample is, and bounds on the coupling term.
+The integration steps are those of `primitives.transformation` and `primitives.orientation`. This module adds
+what a run needs: which row of the plan is due, the age of the sensor's sample, and bounds on the coupling
+term.
 """
 
 from typing import NamedTuple
@@ -16,16 +17,16 @@ from structlearn.primitives.vector import OFFSET_SAMPLES
 REJECTED, WAITING, NO_OFFSET, STALE, SATURATED, RATE_LIMITED = (1 << bit for bit in range(6))
 
 ROW, PRIMITIVE, TICK, SAMPLE_TICK, SAMPLE_COUNT = range(5)
-"""Places in the clock: row of the plan and primitive that are due, number of this tick, the tick of the
-last good sensor sample, and how many good samples the offset has."""
+"""Indices in the clock: due row of the plan, due primitive, number of this tick, tick of the last good sensor
+sample, and number of good samples in the offset."""
 
 
 _part_of_a_tick = numba.njit(cache=True, forceinline=True)
-"""Compiled into its caller: handing over a plan and a state costs more than many a part does."""
+"""Inlines a function: passing a plan and a state costs more than many of these functions."""
 
 
 class Plan(NamedTuple):
-    """Tables over time; R rows, one per sample of each primitive, those at a switch twice."""
+    """Time tables of a run; R rows, one per sample of each primitive, two at a switch."""
 
     rows: np.ndarray  # (P + 1,) first row of each primitive
     matrix: np.ndarray  # (P, 3, 5) `transformation.step_matrix`
@@ -35,39 +36,39 @@ class Plan(NamedTuple):
     position_forcing: np.ndarray  # (R, 3) in the base frame
     orientation_forcing: np.ndarray  # (R, 3)
     expected: np.ndarray  # (R, E) expected sensor traces; NaN where a primitive has none
-    axes: np.ndarray  # (D,) places of the axes of the coupling in `coupling.AXES`
-    kernels: np.ndarray  # (P, D) addresses of the networks' kernels, 0 where there is no network
-    inputs: np.ndarray  # (P, D) how many channels they take
+    axes: np.ndarray  # (D,) indices in `coupling.AXES` of the coupling's axes
+    kernels: np.ndarray  # (P, D) addresses of the networks' kernels, 0 without a network
+    inputs: np.ndarray  # (P, D) number of channels they take
     sizes: np.ndarray  # (P, D, S), see `coupling_model.Compiled`
     values: np.ndarray  # (P, D, V), likewise
-    memory: np.ndarray  # (P, D) how many numbers they remember
+    memory: np.ndarray  # (P, D) number of values they remember
     table: np.ndarray  # (R, D, K) `CouplingModel.table`
-    limits: np.ndarray  # (2, D) largest coupling, and its largest change in one tick
+    limits: np.ndarray  # (2, D) bounds of the coupling, and of its change per tick
     ages: np.ndarray  # (2,) ticks until the offset must be known, and until a sample is stale
 
 
 class State(NamedTuple):
-    """State of a run, changed by every tick."""
+    """State of a run, updated by every tick."""
 
     clock: np.ndarray  # (5,) see `ROW`
-    point: np.ndarray  # (3, 1, 3) x - G, tau xd, g - G at the row that is due
-    turned: np.ndarray  # (1, 4) orientation at the row that is due
+    point: np.ndarray  # (3, 1, 3) x - G, tau xd, g - G at the due row
+    turned: np.ndarray  # (1, 4) orientation at the due row
     rate: np.ndarray  # (1, 3) tau w
     remaining: np.ndarray  # (1, 3) rotation vector from the steady to the evolving goal
     coupling: np.ndarray  # (D,) c on each axis
-    sample: np.ndarray  # (E,) newest sensor sample handed in
-    good: np.ndarray  # (E,) newest good one
-    zero: np.ndarray  # (E,) mean of the first samples: the offset of the run, complete after `OFFSET_SAMPLES`
+    sample: np.ndarray  # (E,) newest sensor sample
+    good: np.ndarray  # (E,) newest good sensor sample
+    zero: np.ndarray  # (E,) offset of the run: mean of the first samples, complete after `OFFSET_SAMPLES`
     deviation: np.ndarray  # (E,) good - zero - expected
     path: np.ndarray  # (3, 1, 1, 3) output: position, velocity, acceleration
     orientation: np.ndarray  # (1, 1, 4) output
     turning: np.ndarray  # (2, 1, 1, 3) output: angular velocity, angular acceleration
-    held: np.ndarray  # (2, 1, 3) coupling vector of the position, and of the orientation; 0 but on the axes
-    memory: np.ndarray  # (D, M) of the networks
+    held: np.ndarray  # (2, 1, 3) coupling vectors of position and orientation; 0 except on the axes
+    memory: np.ndarray  # (D, M) memory of the networks
 
 
 def resting_state(plan: Plan) -> State:
-    """Memory for runs of a plan."""
+    """Preallocated state for runs of a plan."""
     channels = plan.expected.shape[1]
     turned = np.array([[1.0, 0.0, 0.0, 0.0]])
     return State(
@@ -90,7 +91,7 @@ def resting_state(plan: Plan) -> State:
 
 
 def no_plan() -> tuple[tuple, tuple]:
-    """Plan and state without a primitive as plain tuples, for compiled loops that can do without."""
+    """Plan and state without primitives as plain tuples, for compiled loops that may run without a skill."""
     shapes: dict[str, tuple[int, ...]] = dict.fromkeys(Plan._fields, (0, 0))
     shapes |= {"rows": (1,), "tau": (0,), "axes": (0,), "ages": (2,)}
     shapes |= {"matrix": (0, 3, 5), "position_goal": (0, 3), "orientation_goal": (0, 4), "limits": (2, 0)}
@@ -105,12 +106,12 @@ def no_plan() -> tuple[tuple, tuple]:
 
 @numba.njit(cache=True)
 def begin(plan_arrays: tuple, state_arrays: tuple, primitive: int) -> None:
-    """Start a primitive in the state of the outputs (eq. IV.12-14)."""
+    """Start a primitive in the current output state (eq. IV.12-14)."""
     plan, state = Plan(*plan_arrays), State(*state_arrays)
     row, tau = plan.rows[primitive], plan.tau[primitive]
     state.clock[ROW], state.clock[PRIMITIVE] = row, primitive
     state.memory[:] = 0.0
-    state.coupling[:] = 0.0  # the phase velocity is 0, and the goal absorbs what the predecessor's was
+    state.coupling[:] = 0.0  # the phase velocity is 0, and the goal absorbs the predecessor's coupling
     state.turned[0] = state.orientation[0, 0]
     remaining = state.remaining[0]
     for d in range(3):
@@ -130,17 +131,17 @@ def begin(plan_arrays: tuple, state_arrays: tuple, primitive: int) -> None:
 
 @numba.njit(cache=True)
 def tick(plan_arrays: tuple, state_arrays: tuple, fresh: bool) -> int:
-    """Write the sample that is due into the outputs and step to the next one; return the flags.
+    """Write the due sample to the outputs and step to the next one; return the status flags.
 
-    `plan_arrays`: a `Plan` as plain tuple (numba looks that up faster). `state_arrays`: a `State` as plain
-    tuple. `fresh`: whether `sample` holds a new sensor sample.
+    `plan_arrays`, `state_arrays`: a `Plan` and a `State` as plain tuples (which numba dispatches faster).
+    `fresh`: whether `sample` holds a new sensor sample.
     """
     plan, state = Plan(*plan_arrays), State(*state_arrays)
     flags = _receive(plan, state, fresh)
     flags |= _sample(plan, state, flags)
     primitive = state.clock[PRIMITIVE]
     following = primitive + 1
-    if state.clock[ROW] == plan.rows[following] and following < len(plan.tau):  # it was the last sample
+    if state.clock[ROW] == plan.rows[following] and following < len(plan.tau):  # the primitive has ended
         begin(plan_arrays, state_arrays, following)
         flags |= _sample(plan, state, flags)
     state.clock[TICK] += 1
@@ -149,7 +150,7 @@ def tick(plan_arrays: tuple, state_arrays: tuple, fresh: bool) -> int:
 
 @_part_of_a_tick
 def _receive(plan: Plan, state: State, fresh: bool) -> int:
-    """Take a sensor sample if there is a good one, and say what is wrong with the sensor."""
+    """Take over a good sensor sample, and return flags for the sensor's problems."""
     channels, clock, flags = len(state.sample), state.clock, 0
     if channels == 0:
         return flags
@@ -177,7 +178,7 @@ def _receive(plan: Plan, state: State, fresh: bool) -> int:
 
 @_part_of_a_tick
 def _sample(plan: Plan, state: State, sensor_flags: int) -> int:
-    """Outputs of the row that is due, and the step to the next."""
+    """Outputs of the due row, and the step to the next row."""
     row, primitive = state.clock[ROW], state.clock[PRIMITIVE]
     last = primitive == len(plan.tau) - 1
     following = min(row + 1, plan.rows[primitive + 1] - 1)
@@ -211,7 +212,7 @@ def _sample(plan: Plan, state: State, sensor_flags: int) -> int:
 
 @_part_of_a_tick
 def _coupling(plan: Plan, state: State, row: int, primitive: int, place: int, sensor_flags: int) -> float:
-    """Output of the network of an axis; 0 without network or without a sensor that it needs."""
+    """Output of an axis's network; 0 without a network or without a sensor that it needs."""
     kernel = plan.kernels[primitive, place]
     blind = sensor_flags & (WAITING | NO_OFFSET | STALE)
     if kernel == 0 or (plan.inputs[primitive, place] > 0 and blind):
@@ -222,10 +223,10 @@ def _coupling(plan: Plan, state: State, row: int, primitive: int, place: int, se
 
 @_part_of_a_tick
 def _bounded(plan: Plan, state: State, place: int, wanted: float) -> tuple[float, int]:
-    """A coupling term within its bounds in size and in change per tick, which is kept as the state's."""
+    """Coupling term limited in magnitude and in change per tick; also stored in the state."""
     largest, largest_change = plan.limits[0, place], plan.limits[1, place]
     flags = 0
-    if not np.isfinite(wanted):  # counts so large that the standardised input overflows
+    if not np.isfinite(wanted):  # counts so large that the standardised inputs overflow
         wanted, flags = 0.0, REJECTED
     if abs(wanted) > largest:
         wanted, flags = np.copysign(largest, wanted), flags | SATURATED

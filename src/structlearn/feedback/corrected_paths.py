@@ -1,19 +1,19 @@
-"""Corrected demonstrations as paths, and their distance from the path that a feedback model unrolls.
+"""Corrected demonstrations as paths, and the error of the path that a feedback model unrolls.
 
     r = R c        error = rms (R c - r_cd)
 
-The primitive with c_target as its coupling term is the demonstration (`coupling`), so r_cd follows from the
-coupling dataset. `stacked_pmnn` learns to follow such paths.
+A primitive with c_target as its coupling term reproduces the demonstration (`coupling`), so r_cd follows from
+the coupling dataset. `stacked_pmnn` is trained to follow such paths.
 
 The transformation system is linear in c, so a coupling term (held over each step) adds a sum of responses to
-a movement. They depend on dt / tau alone: on a grid of T samples in normalised time all movements share one
-matrix, whatever their durations.
+a movement. These depend on dt / tau alone: with T samples in normalised time, all movements share one matrix,
+whatever their durations.
 
-For positions, and for turns about one fixed axis, this is exact. A correction of 10 degrees about a fixed
-axis, on top of a nominal movement through 1, 4 and 10 degrees about other axes, differs from
-`primitives.orientation.unroll` by less than 0.001, 0.02 and 0.1 degrees, since rotations do not commute;
-corrections of 2, 5 and 10 degrees about two axes at once by less than 0.15, 0.35 and 0.7 degrees. That is
-below the error of feedback models, so there is no sequential unroll on SO(3) here.
+For positions, and for rotations about one fixed axis, this is exact. Otherwise rotations do not commute: a
+correction of 10 degrees about a fixed axis, on top of a nominal movement of 1, 4 and 10 degrees about other
+axes, differs from `primitives.orientation.unroll` by less than 0.001, 0.02 and 0.1 degrees; corrections of 2,
+5 and 10 degrees about two axes at once by less than 0.15, 0.35 and 0.7 degrees. This is below the error of
+feedback models, so there is no sequential unroll on SO(3) here.
 """
 
 from collections.abc import Mapping
@@ -34,10 +34,10 @@ from structlearn.primitives.transformation import ALPHA, BETA, step_matrix
 from structlearn.readers.source import setting_label
 
 PHASE_TOLERANCE = 0.02
-"""A demonstration's phase may differ so much from that of one uniform movement from start to end."""
+"""Largest difference of a demonstration's phase from that of a uniform movement from start to end."""
 
 SAMPLES = 250
-"""Per demonstration in normalised time: about 100 Hz in movements of 2.6 s, the electrodes' own rate."""
+"""Samples per demonstration in normalised time: about 100 Hz, the electrodes' rate, in movements of 2.6 s."""
 
 
 @dataclass(frozen=True)
@@ -45,15 +45,15 @@ class CorrectedPaths:
     """Corrected demonstrations of one primitive at the same T samples of normalised time."""
 
     deviation: np.ndarray  # (L, T, D) s_actual - s_expected, counts
-    target: np.ndarray  # (L, T) coupling term of one axis that was demonstrated, m or rad
-    # (L, T) m or rad, what was added to the nominal movement from the demonstration's initial state
+    target: np.ndarray  # (L, T) demonstrated coupling term of one axis, m or rad
+    # (L, T) m or rad, offset added to the nominal movement from the demonstration's initial state
     correction: np.ndarray
     setting: np.ndarray  # (L,) degrees of board roll, or labels
-    demonstration: np.ndarray  # (L,) number within its setting
+    demonstration: np.ndarray  # (L,) number within the setting
 
     @property
     def response(self) -> np.ndarray:
-        """(T, T) shift or angle over time that a held coupling term adds to a movement."""
+        """(T, T) response matrix: shift or rotation over time per held coupling term."""
         samples = self.target.shape[1]
         return coupling_response(samples, _step(samples))
 
@@ -64,16 +64,16 @@ class CorrectedPaths:
         return canonical.phase(_step(samples) * np.arange(samples), 1.0)
 
     def where(self, mask: np.ndarray) -> Self:
-        """The demonstrations of a mask (L,) or of indices."""
+        """Demonstrations selected by a mask (L,) or by indices."""
         return type(self)(**{name: values[mask] for name, values in vars(self).items()})
 
 
 def corrected_paths(dataset: CouplingDataset, samples: int) -> CorrectedPaths:
-    """Demonstrations of a coupling dataset in normalised time, ordered by setting, then demonstration.
+    """Demonstrations of a coupling dataset in normalised time, sorted by setting, then demonstration.
 
-    The correction is unrolled at the demonstration's own rate, so that nothing faster than the common samples
-    aliases; everything is then interpolated linearly. Raises InputError: a demonstration is not on a uniform
-    clock from the start to the end of the primitive.
+    The correction is unrolled at the demonstration's own rate, so that nothing aliases; everything is then
+    interpolated linearly. Raises InputError: a demonstration is not on a uniform clock from the start to the
+    end of the primitive.
     """
     keys = sorted(set(zip(dataset.setting.tolist(), dataset.demonstration.tolist(), strict=True)))
     found = []
@@ -94,7 +94,7 @@ def corrected_paths(dataset: CouplingDataset, samples: int) -> CorrectedPaths:
 
 
 def unrolled_error(network: CouplingModel, paths: CorrectedPaths) -> np.ndarray:
-    """Rms distance (L,), m or rad, of the unrolled from the demonstrated path, given its recorded sensors."""
+    """RMS distance (L,), m or rad, between unrolled and demonstrated path, given the recorded sensors."""
     unrolled = network.coupling(paths.deviation, *paths.phase) @ paths.response.T
     return np.sqrt(np.mean((unrolled - paths.correction) ** 2, axis=1))
 
@@ -104,8 +104,8 @@ def path_errors(
 ) -> pd.DataFrame:
     """`unrolled_error` of roll paths: `model`, `primitive`, `setting_deg`, `demonstration`, `error_deg`.
 
-    `datasets`: by the primitive's name, with settings that were and were not learned from. `models`: networks
-    by primitive, by model.
+    `datasets`: by primitive, with settings that were learned from and others. `models`: networks by
+    primitive, by model.
     """
     tables = []
     for name, dataset in datasets.items():
@@ -119,9 +119,9 @@ def path_errors(
 
 
 def split(paths: CorrectedPaths, share: float, seed: int) -> tuple[CorrectedPaths, CorrectedPaths]:
-    """Demonstrations to train and to validate on; no number of a demonstration is in both.
+    """Split into training and validation demonstrations, disjoint in demonstration numbers.
 
-    `share`: of the demonstration numbers, to validate on; at least one. Raises InputError: there is only one.
+    `share`: of the numbers for validation, at least one. Raises InputError: there is only one number.
     """
     numbers = np.unique(paths.demonstration)
     if len(numbers) < 2:
@@ -138,9 +138,9 @@ def split(paths: CorrectedPaths, share: float, seed: int) -> tuple[CorrectedPath
 def coupling_response(samples: int, step: float) -> np.ndarray:
     """Response of the transformation system to a coupling term, from the powers of its exact step.
 
-    A path with coupling is the path without, from the same initial position, velocity and acceleration, plus
-    `coupling_response @ c`. Held terms act through c_k -> x_t = (A^(t-k-1) b)_x, a lower-triangular Toeplitz
-    matrix; the initial goal makes up for the first value (eq. IV.12).
+    A path with coupling equals the path without, from the same initial position, velocity and acceleration,
+    plus `coupling_response @ c`. Held terms act through c_k -> x_t = (A^(t-k-1) b)_x, a lower-triangular
+    Toeplitz matrix; the initial goal compensates the first value (eq. IV.12).
 
     `samples`: number of samples T from the start. `step`: sampling interval / tau, dimensionless; 1 / (2
     (T - 1)) for a whole movement. Returns (T, T), read-only.
@@ -148,7 +148,7 @@ def coupling_response(samples: int, step: float) -> np.ndarray:
     matrix = step_matrix(step)
     state = np.empty((samples, 3))  # response to the initial state (x - G, tau xd, g - G)
     row = np.array([1.0, 0.0, 0.0])
-    for k in range(samples):  # row k of A^t that yields x
+    for k in range(samples):  # row of A^k that yields x
         state[k] = row
         row = row @ matrix[:, :3]
     impulse = np.zeros(samples)  # response to a held value one step later
@@ -160,12 +160,12 @@ def coupling_response(samples: int, step: float) -> np.ndarray:
 
 
 def _correction(target: np.ndarray) -> np.ndarray:
-    """What a coupling target (T,), linear between its samples, adds to a movement: (T, 1) m or rad."""
+    """Offset (T, 1) in m or rad that a coupling target (T,), linear between samples, adds to a movement."""
     return transformation.unroll(np.zeros(1), np.zeros(1), target[:, None], _step(len(target)), 1.0).position
 
 
 def _step(samples: int) -> float:
-    """Dt / tau of that many samples of a whole movement."""
+    """Dimensionless step dt / tau of a whole movement with this many samples."""
     return 1.0 / (canonical.TAU_PER_DURATION * (samples - 1))
 
 

@@ -1,14 +1,14 @@
-"""Axes of the feedback, and coupling targets of corrected demonstrations (eq. IV.23, IV.24).
+"""Coupling targets of corrected demonstrations (eq. IV.23, IV.24), and the axes of feedback.
 
     c_target = tau_cd^2 xdd_cd - ALPHA (BETA (g - x_cd) - tau_cd xd_cd) - f(p, u)
 
 The goal g evolves from the demonstration's own initial state to the steady goal of the *nominal* primitive,
-just as it does when the primitive is unrolled with feedback; so the primitive, unrolled from the
-demonstration's start with c_target as its coupling term, is the demonstration.
+as it does when the primitive is unrolled with feedback. So the primitive, unrolled from the demonstration's
+start with c_target as its coupling term, reproduces the demonstration.
 
 Feedback corrects along and about the axes of the base frame. A coupling term is added to the transformation
-system (eq. IV.1, IV.2) and has its unit: an acceleration times tau^2, so m for positions and rad for
-orientations. Held for long it shifts by c / (ALPHA BETA).
+system (eq. IV.1, IV.2) and has its unit, acceleration times tau^2: m for positions and rad for orientations.
+A constant coupling term shifts by c / (ALPHA BETA).
 """
 
 from typing import Literal, get_args
@@ -23,14 +23,14 @@ from structlearn.primitives.position import PositionPrimitive, from_start
 from structlearn.primitives.trajectory import OrientationTrajectory, Trajectory
 from structlearn.primitives.vector import VectorPrimitive
 
-Axis = Literal["x", "y", "z", "rx", "ry", "rz"]  # Of the base frame: along it, or about it with an `r`
+Axis = Literal["x", "y", "z", "rx", "ry", "rz"]  # along or, with `r`, about an axis of the base frame
 
 AXES: tuple[Axis, ...] = get_args(Axis)
-"""In this order everywhere: three of the position, then three of the orientation."""
+"""Order of axes everywhere: three of the position, then three of the orientation."""
 
 
 def turns(axis: Axis) -> bool:
-    """Whether a correction turns about the axis; else it shifts along it."""
+    """Whether a correction rotates about the axis, instead of shifting along it."""
     return AXES.index(axis) >= 3
 
 
@@ -49,7 +49,7 @@ def position_target(
 ) -> np.ndarray:
     """Coupling target (T, D) of a corrected vector movement (eq. IV.23); 0 at the first sample.
 
-    `path`: (T, D) in the primitive's coordinates. `goal`: (D,) steady goal; default the primitive's.
+    `path`: (T, D) in the primitive's coordinates. `goal`: (D,) steady goal; default: the primitive's.
     """
     goal = primitive.goal if goal is None else goal
     tau = canonical.time_constant(path.duration)
@@ -64,11 +64,11 @@ def position_target(
 def reach_target(path: Trajectory, primitive: PositionPrimitive) -> np.ndarray:
     """Coupling target of a corrected reach in the base frame (eq. IV.23), where sensors and axes are fixed.
 
-    The transformation system is the same along all axes, so a coupling term turns with the local frame, which
-    is that from the reach's own start to the goal of the nominal primitive.
+    The transformation system is the same along all axes, so a coupling term rotates with the local frame,
+    which is that from the reach's own start to the goal of the nominal primitive.
 
     `path`: (T, 3) m in the base frame. Returns (T, 3) c_target in m; 0 at the first sample. Raises
-    InputError: the path starts at the goal, so that there is no local frame.
+    InputError: the path starts at the goal, so that the local frame is undefined.
     """
     start = path.position[0]
     try:
@@ -82,9 +82,10 @@ def reach_target(path: Trajectory, primitive: PositionPrimitive) -> np.ndarray:
 def orientation_target(
     path: OrientationTrajectory, primitive: QuaternionPrimitive, goal: np.ndarray | None = None
 ) -> np.ndarray:
-    """Coupling target (T, 3) of a corrected orientation movement, base frame (eq. IV.24); 0 at first.
+    """Coupling target (T, 3) of a corrected orientation movement in the base frame (eq. IV.24).
 
-    `path`: (T, 4) orientations. `goal`: (4,) steady goal; default the primitive's.
+    It is 0 at the first sample. `path`: (T, 4) orientations. `goal`: (4,) steady goal; default: the
+    primitive's.
     """
     goal, tau = primitive.goal if goal is None else goal, canonical.time_constant(path.duration)
     forcing = primitive.forcing(path.time, path.duration)

@@ -1,15 +1,15 @@
 """Supervised data of a feedback model: sensor deviations, phase, and the demonstrated coupling term.
 
-One row per sample, keyed by setting and demonstration; demonstrations of the same number in different
-settings belong together in leave-one-demonstration-out tests. Each dimension of a coupling term is learned by
-itself (IV.6.2.3.2): a dataset is of one axis, and those of one primitive differ in their target alone, so
-that they share a table.
+One row per sample, keyed by setting and demonstration; demonstrations with the same number in different
+settings are left out together in leave-one-demonstration-out tests. Each dimension of a coupling term is
+learned separately (IV.6.2.3.2): a dataset covers one axis, and datasets of one primitive, which differ in
+their target alone, share a table.
 
 Fold k of the leave-one-demonstration-out protocol (IV.9.3) leaves out demonstration k of *every* setting as
 its generalisation part. The rest is shuffled and split into train, validation and test. The text shuffles
-single samples: then the neighbours of every validation sample, 10 ms away, are training samples, and only the
-generalisation part measures how well a model does on a new demonstration. Longer chunks of consecutive
-samples separate neighbours, but samples of one demonstration are still on both sides.
+single samples; then the neighbours of every validation sample, 10 ms away, are training samples, and only the
+generalisation part measures performance on a new demonstration. Longer chunks of consecutive samples separate
+neighbours, but samples of one demonstration are still on both sides.
 """
 
 from collections.abc import Mapping, Sequence
@@ -28,30 +28,30 @@ from structlearn.primitives import kernels
 class CouplingDataset:
     """Samples of one primitive in all corrected demonstrations."""
 
-    deviation: np.ndarray  # (S, D) s_actual - s_expected: counts, and N and N m of a wrench
+    deviation: np.ndarray  # (S, D) s_actual - s_expected: counts, or N and N m of a wrench
     phase: np.ndarray  # (S,) p
     phase_velocity: np.ndarray  # (S,) u
     target: np.ndarray  # (S,) coupling term of one axis, m or rad
     setting: np.ndarray  # (S,) degrees of board roll, or labels
     demonstration: np.ndarray  # (S,) number of the demonstration within its setting, from 0
     time: np.ndarray  # (S,) s since the primitive's start
-    groups: tuple[int, ...] = ()  # numbers of neighbouring channels that share a unit; none: all do
+    groups: tuple[int, ...] = ()  # sizes of groups of adjacent channels with one unit; empty: a single group
 
     def modulation(self, kernel_count: int = kernels.KERNEL_COUNT) -> np.ndarray:
         """Phase features G(p, u), (S, N)."""
         return kernels.features(self.phase, self.phase_velocity, kernel_count)
 
     def where(self, mask: np.ndarray) -> Self:
-        """The samples of a mask (S,) or of indices."""
+        """Samples selected by a mask (S,) or by indices."""
         return replace(self, **{name: getattr(self, name)[mask] for name in COLUMNS})
 
 
 COLUMNS = tuple(field.name for field in fields(CouplingDataset) if field.name != "groups")
-"""Fields that have a value per sample."""
+"""Fields with one value per sample."""
 
 
 def concatenated(parts: Sequence[CouplingDataset]) -> CouplingDataset:
-    """The samples of several datasets of the same channels, one after the other."""
+    """Concatenation of datasets with the same channels."""
     columns: dict[str, Any] = {
         name: np.concatenate([getattr(part, name) for part in parts]) for name in COLUMNS
     }
@@ -64,16 +64,15 @@ def to_table(dataset: CouplingDataset) -> pd.DataFrame:
 
 
 def from_table(table: pd.DataFrame) -> CouplingDataset:
-    """The dataset of a table written by `to_table`."""
+    """Dataset from a table of `to_table`."""
     return _dataset(table, "setting_deg", "target")
 
 
 def to_axes_table(datasets: Mapping[Axis, CouplingDataset]) -> pd.DataFrame:
-    """One row per sample of the datasets of one primitive on several axes.
+    """One row per sample for the datasets of one primitive on several axes.
 
-    Columns: `setting` (a label), `demonstration`, `time_s`, `phase`, `phase_velocity`, `target_<axis>` of
-    each axis, and the deviation of each channel: `channel_00`, ... in the first group, in others
-    `channel_<group>_00`, ...
+    Columns: `setting` (a label), `demonstration`, `time_s`, `phase`, `phase_velocity`, `target_<axis>`, and
+    the deviation of each channel: `channel_00`, ... in the first group, `channel_<group>_00`, ... in others.
     """
     first = next(iter(datasets.values()))
     keys = {"setting": first.setting.astype(str).astype(object)}
@@ -82,7 +81,7 @@ def to_axes_table(datasets: Mapping[Axis, CouplingDataset]) -> pd.DataFrame:
 
 
 def from_axes_table(table: pd.DataFrame) -> dict[Axis, CouplingDataset]:
-    """The datasets of a table written by `to_axes_table`, by axis; KeyError for a table of another kind."""
+    """Datasets by axis from a table of `to_axes_table`. Raises KeyError: it is another table."""
     axes = [axis for axis in AXES if f"target_{axis}" in table.columns]
     if not axes:
         raise KeyError("target_<axis>")
@@ -123,17 +122,17 @@ def _dataset(table: pd.DataFrame, setting: str, target: str) -> CouplingDataset:
 
 PARTS = ("train", "validation", "test", "generalization")
 
-FRACTIONS = (0.075, 0.075)  # Of the samples that are not left out, for validation and test (IV.9.3)
+FRACTIONS = (0.075, 0.075)  # for validation and test, of the samples that are not left out (IV.9.3)
 
 
 @dataclass(frozen=True)
 class Fold:
-    """Rows of a dataset by their use; all disjoint."""
+    """Rows of a dataset by use; disjoint."""
 
-    number: int | None  # of the demonstration that is left out; None where none is
-    train: np.ndarray  # rows that make gradients, standardisation and principal components
-    validation: np.ndarray  # rows that choose the step at which training stops
-    test: np.ndarray  # rows of the same demonstrations that choose nothing
+    number: int | None  # of the demonstration that is left out, if any
+    train: np.ndarray  # for gradients, standardisation and principal components
+    validation: np.ndarray  # for early stopping
+    test: np.ndarray  # of the same demonstrations, used for no decision
     generalization: np.ndarray  # all rows of the left-out demonstration
 
     def parts(self) -> tuple[np.ndarray, ...]:
@@ -142,12 +141,12 @@ class Fold:
 
 
 def stream(left_out: int | None) -> int:
-    """Number of the random stream of a fold."""
+    """Index of the random stream of a fold."""
     return 0 if left_out is None else left_out + 1
 
 
 def leave_one_out(dataset: CouplingDataset, chunk_samples: int, seed: int) -> list[Fold]:
-    """One fold per demonstration number; arguments and errors as `without_generalization`."""
+    """One fold per demonstration number; arguments and errors as in `without_generalization`."""
     numbers = np.unique(dataset.demonstration)
     if len(numbers) < 2:
         raise InputError(f"{len(numbers)} demonstration per setting: nothing is left when one is left out")
@@ -157,11 +156,10 @@ def leave_one_out(dataset: CouplingDataset, chunk_samples: int, seed: int) -> li
 def without_generalization(
     dataset: CouplingDataset, chunk_samples: int, seed: int, left_out: int | None = None
 ) -> Fold:
-    """The split of all demonstrations but one, or of all, for the model that is used in the end.
+    """Split of all demonstrations except `left_out`; for the final model, of all.
 
-    `dataset`: samples of all demonstrations; those of one demonstration follow each other in time.
-    `chunk_samples`: consecutive samples that go to the same part; 1 in the text. Raises InputError: a part
-    would be empty.
+    `dataset`: samples of each demonstration are consecutive in time. `chunk_samples`: number of consecutive
+    samples assigned to one part; 1 in the text. Raises InputError: a part would be empty.
     """
     apart = np.full(len(dataset.target), False) if left_out is None else dataset.demonstration == left_out
     chunks = _chunks(dataset, chunk_samples)
@@ -177,7 +175,7 @@ def without_generalization(
 
 
 def _chunks(dataset: CouplingDataset, chunk_samples: int) -> np.ndarray:
-    """Number of the chunk of every sample (S,); no chunk reaches over the end of a demonstration."""
+    """Chunk number of every sample (S,); no chunk extends past the end of a demonstration."""
     changes = (dataset.setting[1:] != dataset.setting[:-1]) | (np.diff(dataset.demonstration) != 0)
     starts = np.concatenate([[0], np.flatnonzero(changes) + 1])
     rows = np.arange(len(dataset.target))

@@ -1,12 +1,13 @@
 """Interface of feedback networks: training, files, and evaluation by tick and by batch.
 
-A network is one module of `feedback.models` with one subclass of `CouplingModel`, chosen in `params.yaml` by
+A network is a module of `feedback.models` with one subclass of `CouplingModel`, chosen in `params.yaml` by
 the module's name. It is trained on a `CouplingDataset`, saved as its arrays, and evaluated by one compiled
-kernel, which the controller calls in its tick, simulators in their loops, and `coupling` for batches:
+kernel, which is called by the controller in its tick, by simulators in their loops, and by `coupling` for
+batches:
 
     c = kernel(sizes, values, row, deviations, memory)                              (eq. IV.25)
 
-`row`, one row of `table(p, u)`, holds what depends on time alone and so is known before a robot moves.
+`row`, one row of `table(p, u)`, holds everything that depends on time alone, so it is known in advance.
 """
 
 import importlib
@@ -39,7 +40,7 @@ if TYPE_CHECKING:
 
 
 class TrainingParameters(Parameters):
-    """How a feedback model is trained sample by sample. Fields: `params.yaml`, `compare_models`."""
+    """Sample-by-sample training of a feedback model. Fields: `params.yaml`, `compare_models`."""
 
     steps: PositiveInt
     batch_size: PositiveInt
@@ -68,40 +69,40 @@ class NetworkParameters(Parameters):
 
     @property
     def model(self) -> "type[CouplingModel]":
-        """Class of the network; InputError where there is none of this name."""
+        """Class of the network. Raises InputError: there is none of this name."""
         return named_model(self.network)
 
 
 Jobs = Sequence[tuple[CouplingDataset, Fold]]
-"""Samples, and which of them train a model, choose its step and test it; one model per job."""
+"""Per model, its samples and the fold that splits them."""
 
-Nodes = Sequence[int]  # Of each hidden layer
+Nodes = Sequence[int]  # width of each hidden layer
 
 _NUMBERS = types.CPointer(types.float64)
 
 kernel = numba.cfunc(
     types.float64(types.CPointer(types.int64), _NUMBERS, _NUMBERS, _NUMBERS, _NUMBERS), cache=True
 )
-"""Compiles the forward pass of a network at one sample: (sizes, values, row, deviations, memory) -> c.
+"""Compile the forward pass of a network at one sample: (sizes, values, row, deviations, memory) -> c.
 
 All arguments are pointers; `numba.carray(values, count)` makes arrays of them. The memory is 0 when a
-movement begins, and is kept from sample to sample.
+movement begins, and persists from sample to sample.
 """
 
 
 class Compiled(NamedTuple):
-    """Arguments of a network's kernel that are the same at all samples."""
+    """Arguments of a network's kernel that do not change from sample to sample."""
 
-    sizes: np.ndarray  # (S,) whole numbers
-    values: np.ndarray  # (V,) numbers
-    memory: int  # how many numbers it remembers from sample to sample
+    sizes: np.ndarray  # (S,) integers
+    values: np.ndarray  # (V,) floats
+    memory: int  # number of values it remembers from sample to sample
 
 
 @dataclass(frozen=True)
 class CouplingModel(ABC):
-    """Coupling term of one axis from sensor deviations and phase; a frozen dataclass of arrays and `Layers`.
+    """Coupling term of one axis from sensor deviations and phase: a frozen dataclass of arrays and `Layers`.
 
-    Where the phase velocity u is 0, c should be 0: then a movement starts smoothly and ends at its goal.
+    c should be 0 where the phase velocity u is 0, so that a movement starts smoothly and ends at its goal.
     """
 
     kernel: ClassVar[Any]  # compiled forward pass, see `kernel`
@@ -113,37 +114,37 @@ class CouplingModel(ABC):
     ) -> "Sequence[Trained]":
         """Train one model per job.
 
-        `jobs`: of equal sizes; they differ in fold, in target, or in what a deviation is. `initial`: model to
-        start from, which keeps its shape and the standardisation of its inputs. Raises InputError: too few
-        samples, or the target is constant.
+        `jobs`: of equal sizes; they may differ in fold, target or deviation. `initial`: model to start from;
+        its shape and input standardisation are kept. Raises InputError: too few samples, or a constant
+        target.
         """
 
     def train_in_unroll(
         self, training: "CorrectedPaths", validation: "CorrectedPaths", parameters: UnrolledTrainingParameters
     ) -> "CouplingModel":
-        """This model, trained on in the unroll (`train_unrolled`); other models are returned unchanged."""
+        """This model after further training in the unroll (`train_unrolled`), if its network supports it."""
         return self
 
     @property
     @abstractmethod
     def inputs(self) -> int:
-        """Number of channels; 0 for a model that needs no sensor."""
+        """Number of sensor channels; 0 for an open-loop model."""
 
     @property
     def kernel_count(self) -> int:
-        """Number of phase kernels of the open-loop policy that its executions are compressed to."""
+        """Number of phase kernels of the open-loop policy that approximates its executions."""
         return KERNEL_COUNT
 
     @abstractmethod
     def table(self, p: np.ndarray, u: np.ndarray) -> np.ndarray:
-        """The kernel's rows (T, K) at phases (T,) and phase velocities (T,)."""
+        """The kernel's `row` (T, K) at phases (T,) and phase velocities (T,)."""
 
     @abstractmethod
     def compiled(self) -> Compiled:
-        """The kernel's other arguments."""
+        """The kernel's constant arguments."""
 
     def arrays(self) -> dict[str, np.ndarray]:
-        """Fields of the model, for its file; of layers `<field>.<number>.weights` and `.biases`."""
+        """Fields of the model for its file; layers become `<field>.<number>.weights` and `.biases`."""
         found: dict[str, np.ndarray] = {}
         for field in fields(self):
             if field.type is np.ndarray:
@@ -156,7 +157,7 @@ class CouplingModel(ABC):
 
     @classmethod
     def from_arrays(cls, arrays: Mapping[str, np.ndarray]) -> Self:
-        """The inverse of `arrays`; KeyError where one is missing."""
+        """The inverse of `arrays`. Raises KeyError: an array is missing."""
 
         def layers(name: str) -> Layers:
             places = range(sum(key.startswith(f"{name}.") for key in arrays) // 2)
@@ -166,15 +167,15 @@ class CouplingModel(ABC):
         return cls(**{field.name: read[field.type](field.name) for field in fields(cls)})
 
     def fault(self) -> str:
-        """What is wrong with the model, to follow "the network of ..."; empty if nothing is."""
+        """What is wrong with the model, phrased to follow "the network of ..."; empty if nothing is."""
         finite = all(np.isfinite(array).all() for array in self.arrays().values())
         return "" if finite else "holds a value that is not finite"
 
     def coupling(self, deviation: np.ndarray, p: np.ndarray, u: np.ndarray) -> np.ndarray:
         """Coupling terms c (...) of a batch, by the compiled kernel.
 
-        `deviation`: (..., D) sensor deviations; samples of a movement follow each other in time. `p`, `u`: of
-        the batch's shape (...) or of its last axes. Raises ValueError: the network takes more channels.
+        `deviation`: (..., D) sensor deviations, samples of a movement in order of time. `p`, `u`: of the
+        batch's shape (...) or of its last axes. Raises ValueError: the network takes more channels.
         """
         *batch, channels = np.shape(deviation)
         if channels < self.inputs:
@@ -199,15 +200,15 @@ Model = TypeVar("Model", bound=CouplingModel, covariant=True)
 class Trained(Generic[Model]):
     """Result of a training job."""
 
-    # by the part whose error chose the step: `validation`, which is honest, and where a demonstration is left
-    # out `generalization`, which the dissertation reports and is optimistic
+    # by the part that chose the step: `validation`, which is unbiased, and, if a demonstration was left out,
+    # `generalization`, the dissertation's, which is optimistic
     models: dict[str, Model]
-    steps: dict[str, int]  # gradient steps done, likewise; 0 where there are none
-    code: float = np.nan  # to how many dimensions the deviations are compressed first; NaN where they are not
+    steps: dict[str, int]  # gradient steps taken, likewise; 0 for training without steps
+    code: float = np.nan  # dimensions that the deviations are compressed to; NaN without compression
 
     @classmethod
     def at_once(cls, model: CouplingModel) -> "Trained[CouplingModel]":
-        """Of a model that is trained without steps."""
+        """Result for a model that is trained without gradient steps."""
         parts = ("validation", "generalization")
         return Trained(dict.fromkeys(parts, model), dict.fromkeys(parts, 0))
 
@@ -219,9 +220,9 @@ def train_final(
     hidden: Sequence[int] = (),
     initial: CouplingModel | None = None,
 ) -> CouplingModel:
-    """Train the model that is used in the end on all demonstrations; validation says where it stops.
+    """Train the final model on all demonstrations, with early stopping on the validation part.
 
-    Arguments and errors as `CouplingModel.train`; refinement starts from an initial model.
+    Arguments and errors as in `CouplingModel.train`; refinement starts from an initial model.
     """
     fold = without_generalization(dataset, parameters.chunk_samples, parameters.seed)
     (trained,) = model.train([(dataset, fold)], parameters, hidden, initial)
@@ -229,7 +230,7 @@ def train_final(
 
 
 def named_model(name: str) -> type[CouplingModel]:
-    """The network that a module of `feedback.models` defines; InputError if there is none of this name."""
+    """Network class defined by a module of `feedback.models`. Raises InputError: there is no such module."""
     known = sorted(module.name for module in pkgutil.iter_modules(models.__path__))
     if name not in known:
         raise InputError(f"there is no feedback network '{name}' among {', '.join(known)}")
@@ -245,12 +246,12 @@ def named_model(name: str) -> type[CouplingModel]:
 
 
 def model_name(model: CouplingModel) -> str:
-    """Name of a network's module; the inverse of `named_model`."""
+    """Module name of a network; the inverse of `named_model`."""
     return type(model).__module__.rpartition(".")[2]
 
 
 def write_networks(networks: Sequence[tuple[str, CouplingModel]], path: str | Path) -> None:
-    """Publish named networks, e.g. one per primitive, as one safetensors file of `<name>.<array>`."""
+    """Publish named networks, e.g. one per primitive, as one safetensors file with `<name>.<array>`."""
     tensors: dict[str, np.ndarray] = {}
     for name, network in networks:
         tensors |= prefixed(name, network.arrays())
@@ -259,7 +260,7 @@ def write_networks(networks: Sequence[tuple[str, CouplingModel]], path: str | Pa
 
 
 def read_networks(path: str | Path) -> dict[str, CouplingModel]:
-    """Read the networks of a file by name; InputError for another file, or a weight that is not finite."""
+    """Read a file of networks, by name. Raises InputError: another file, or a weight is not finite."""
     tensors = read_tensors(path)
     with holding(path, "feedback networks"):
         names = json.loads(read_description(path))["coupling_models"]
@@ -272,7 +273,7 @@ def read_networks(path: str | Path) -> dict[str, CouplingModel]:
 
 @intrinsic
 def _call(context, address, sizes, values, row, deviations, memory):
-    """Call a kernel by its address: any network in code that was compiled before it was written."""
+    """Call a kernel by address, so that code compiled earlier can call any network."""
     arrays = (sizes, values, row, deviations, memory)
 
     def generate(context, builder, signature, arguments):
@@ -291,7 +292,7 @@ def _call(context, address, sizes, values, row, deviations, memory):
 def evaluate(
     address: int, sizes: Array, values: Array, row: Array, deviations: Array, memory: Array
 ) -> float:
-    """Coupling term at one sample, in compiled code; see `Compiled` and `kernel`."""
+    """Coupling term at one sample, for compiled code; see `Compiled` and `kernel`."""
     return _call(address, sizes, values, row, deviations, memory)  # type: ignore[call-arg]  # numba adds one
 
 
@@ -299,7 +300,7 @@ def evaluate(
 def _batch(
     address: int, sizes: Array, values: Array, table: Array, deviations: Array, memory: Array, p: Array
 ) -> np.ndarray:
-    """Coupling terms (B,) of samples (B, D); where the phase p (B,) jumps up, a movement begins."""
+    """Coupling terms (B,) of samples (B, D); a movement begins wherever the phase p (B,) increases."""
     found = np.empty(len(p))
     for k in range(len(p)):
         if k > 0 and p[k] > p[k - 1]:

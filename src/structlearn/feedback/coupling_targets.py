@@ -1,7 +1,7 @@
-"""Supervised data of corrected demonstrations: sensor deviations, coupling targets (IV.9.1.3, eq. IV.22).
+"""Supervised data from corrected demonstrations: deviations and coupling targets (IV.9.1.3, eq. IV.22).
 
-All signals of a demonstration are on one clock (`readers.clock`): poses come at 300 Hz, electrodes at 100 Hz.
-The data are thinned to the sensor's rate, since samples in between would be interpolations that count twice.
+All signals of a demonstration are on one clock (`readers.clock`): poses are recorded at 300 Hz, electrodes at
+100 Hz. The data are thinned to the sensor's rate, since samples in between would be interpolated duplicates.
 """
 
 from collections.abc import Mapping, Sequence
@@ -35,11 +35,11 @@ from structlearn.readers.demonstration import Demonstration
 Setting = TypeVar("Setting", float, str)
 
 Cuts = Mapping[str, pd.DataFrame]
-"""Segments by the primitive's name: index demonstration, columns `start_s` and `end_s`."""
+"""Segments by primitive: index demonstration, columns `start_s` and `end_s`."""
 
 
 class ExpectedTracesParameters(Parameters):
-    """Nominal executions in the default setting, and the expected traces learned from them."""
+    """Expected sensor traces, learned from nominal executions in the default setting."""
 
     runs: int = Field(ge=1, le=1000)
     level_runs: int = Field(ge=0, le=1000)
@@ -49,7 +49,7 @@ class ExpectedTracesParameters(Parameters):
 WRENCH = "wrench"
 
 Sensor = Literal["tactile", "wrench"]
-"""Sensors: counts of all electrodes, or force in N and torque in N m."""
+"""Sensors: counts of all electrodes, or a wrench with force in N and torque in N m."""
 
 WRENCH_CHANNELS = 6
 
@@ -73,7 +73,7 @@ class CorrectionParameters(Parameters):
 
 
 class SupervisionParameters(CorrectionParameters):
-    """Corrections on a board that tilts; settings that are not learned from test generalisation."""
+    """Corrections on a tilted board; settings not listed here test generalisation."""
 
     settings_deg: tuple[float, ...] = Field(min_length=1)
 
@@ -91,17 +91,17 @@ class SupervisionParameters(CorrectionParameters):
 
     @property
     def unit_axis(self) -> np.ndarray:
-        """Its direction (3,)."""
+        """Direction (3,) of the roll axis."""
         return direction(self.axis)
 
 
 def learn_expected(
     runs: Sequence[Demonstration], cuts: Cuts, smoothing_hz: float, sensors: Sequence[Sensor]
 ) -> dict[str, VectorPrimitive]:
-    """Expected traces of every primitive from the nominal executions in its cuts (associative skill memory).
+    """Expected traces of every primitive, from the nominal executions in its cuts (associative skill memory).
 
-    `smoothing_hz`: low-pass of the traces; 25 kernels resolve about 12 / duration. Returns by primitive, a
-    vector primitive with one dimension per channel. Raises InputError: a run has no stream of a sensor.
+    `smoothing_hz`: low-pass of the traces; 25 kernels resolve about 12 / duration. Returns per primitive a
+    vector primitive with one dimension per channel. Raises InputError: a run lacks a sensor's stream.
     """
     traces = {run.name: without_offset(felt(run, sensors)) for run in runs}
     return {
@@ -116,14 +116,14 @@ def learn_expected(
 
 @dataclass(frozen=True)
 class CorrectedPrimitive:
-    """One primitive in one corrected demonstration; a path is None if none of its axes is corrected."""
+    """One primitive in one corrected demonstration; a path is None if none of its axes are corrected."""
 
     time: np.ndarray  # (T,) s since the primitive's start
     point: Trajectory | None  # (T, 3) corrected position, smoothed
     turn: OrientationTrajectory | None  # (T, 4) corrected orientation, smoothed
-    deviation: np.ndarray  # (T, D) of the sensors
+    deviation: np.ndarray  # (T, D) sensor deviations
     target: np.ndarray  # (T, 6) coupling term on each of `coupling.AXES`; 0 where its path is None
-    groups: tuple[int, ...]  # of `CouplingDataset`
+    groups: tuple[int, ...]  # as in `CouplingDataset`
 
 
 def corrected_primitive(
@@ -133,10 +133,10 @@ def corrected_primitive(
     expected: VectorPrimitive,
     parameters: CorrectionParameters,
 ) -> CorrectedPrimitive:
-    """Supervised data of one primitive in one corrected demonstration, on its clock.
+    """Supervised data of one primitive in one corrected demonstration, on the demonstration's clock.
 
-    `cut`: `start_s` and `end_s` of the primitive. Raises InputError: orientation or a sensor's stream is
-    missing, or the primitive turns beyond half a circle.
+    `cut`: `start_s` and `end_s` of the primitive. Raises InputError: the orientation or a sensor's stream is
+    missing, or the primitive turns by more than half a circle.
     """
     dt, ticks = demonstration.dt, _ticks(demonstration, cut)
     time, deviating = executed_primitive(demonstration, cut, expected, parameters.sensors)
@@ -159,10 +159,10 @@ def corrected_primitive(
 def executed_primitive(
     run: Demonstration, cut: pd.Series, expected: VectorPrimitive, sensors: Sequence[Sensor]
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Times (T,) in s since the primitive's start and sensor deviations (T, D) of one primitive in a run.
+    """Times (T,) s since the primitive's start and sensor deviations (T, D) of one primitive in a run.
 
-    `run`: complete, since the sensors' offset is taken at its start. `cut`: `start_s` and `end_s`. Raises
-    InputError: a sensor's stream is missing, or has other channels than the expected traces.
+    `run`: the whole run, because the sensors' offset is taken at its start. `cut`: `start_s` and `end_s`.
+    Raises InputError: a sensor's stream is missing, or has other channels than the expected traces.
     """
     trace = _part(without_offset(felt(run, sensors)), run, cut)
     if trace.shape[1] != len(expected.start):
@@ -174,7 +174,7 @@ def executed_primitive(
 
 
 def felt(run: Demonstration, sensors: Sequence[Sensor]) -> np.ndarray:
-    """Readings (T, D) of the sensors of a run, side by side; InputError if one was not recorded."""
+    """Sensor readings (T, D) of a run, side by side. Raises InputError: a sensor was not recorded."""
     for sensor in sensors:
         if getattr(run, sensor) is None:
             raise InputError(f"{run.name}: has no {sensor} stream, which feedback is learned from")
@@ -182,7 +182,7 @@ def felt(run: Demonstration, sensors: Sequence[Sensor]) -> np.ndarray:
 
 
 def channel_groups(run: Demonstration, sensors: Sequence[Sensor]) -> tuple[int, ...]:
-    """`CouplingDataset.groups` of a run: counts, N and N m are a group each; none if there is only one."""
+    """`CouplingDataset.groups` of a run: counts, N and N m form one group each; empty for a single group."""
     groups = [(3, 3) if sensor == WRENCH else (getattr(run, sensor).shape[1],) for sensor in sensors]
     return sum(groups, ()) if sum(map(len, groups)) > 1 else ()
 
@@ -190,7 +190,7 @@ def channel_groups(run: Demonstration, sensors: Sequence[Sensor]) -> tuple[int, 
 def sensor_channels(
     sensors: Sequence[Sensor], expected: Mapping[str, VectorPrimitive]
 ) -> tuple[tuple[str, int], ...]:
-    """Sensors with their numbers of channels, which add up to the expected traces'; none without traces."""
+    """(sensor, channels), which sum to the channels of the expected traces; empty without traces."""
     if not expected:
         return ()
     total = len(next(iter(expected.values())).start)
@@ -201,7 +201,7 @@ def sensor_channels(
 def require_parts(
     names: Sequence[str], primitives: Sequence[PosePrimitive], expected: Mapping[str, VectorPrimitive]
 ) -> None:
-    """InputError if one of these primitives is unknown or has no expected traces."""
+    """Raise InputError if one of the named primitives is unknown or has no expected traces."""
     known = [primitive.name for primitive in primitives]
     for name in names:
         if name not in known:
@@ -221,20 +221,20 @@ def coupling_dataset(
 ) -> tuple[dict[Axis, CouplingDataset], pd.DataFrame]:
     """Supervised data of one primitive by axis, and consistency checks of each demonstration.
 
-    `demonstrations`: corrected ones by setting, in degrees or by label. `cuts`: the primitive's segments by
-    setting; demonstrations that are not in it are left out. Raises InputError: no demonstration could be cut,
-    or one lacks a stream.
+    `demonstrations`: corrected demonstrations by setting, in degrees or by label. `cuts`: the primitive's
+    segments by setting; demonstrations without one are left out. Raises InputError: no demonstration could be
+    cut, or one lacks a stream.
 
     Checks are one row per demonstration: `setting` (`setting_deg` if it is a number), `demonstration`,
-    `name`; with axes of rotation `reproduction_deg`, largest distance between the demonstration and the
-    primitive unrolled with the target on these axes alone; `smoothing_deg`, rms of what the low-pass removed;
-    `others`, rms of the target about the other axes relative to the rms about these; with axes of position
-    likewise `reproduction_m`, `smoothing_m` and `others_position`.
+    `name`; with rotation axes `reproduction_deg`, the largest distance between the demonstration and the
+    primitive unrolled with the target on these axes alone, `smoothing_deg`, the RMS of what the low-pass
+    removed, and `others`, the RMS of the target about the other axes relative to that about these; with
+    position axes likewise `reproduction_m`, `smoothing_m` and `others_position`.
     """
     parts, checks = [], []
     for setting, runs in demonstrations.items():
         for number, run in enumerate(runs):
-            if run.name not in cuts[setting].index:  # could not be cut, and failures are to be skipped
+            if run.name not in cuts[setting].index:  # could not be cut, and failures are skipped
                 continue
             cut = cuts[setting].loc[run.name]
             corrected = corrected_primitive(run, cut, primitive, expected, parameters)
@@ -251,7 +251,7 @@ def coupling_dataset(
 def coupling_samples(
     corrected: CorrectedPrimitive, setting: float | str, number: int, parameters: CorrectionParameters
 ) -> dict[Axis, CouplingDataset]:
-    """Supervised data of each axis from one corrected primitive; `setting`: in degrees, or its label."""
+    """Supervised data of each axis from one corrected primitive; `setting`: in degrees, or a label."""
     felt = corrected.time, corrected.deviation, corrected.groups
     whole = _samples(*felt, (setting, number), parameters.rate_hz)
     targets = corrected.target[thinned(corrected.time, parameters.rate_hz)]
@@ -265,7 +265,7 @@ def level_dataset(
     parameters: CorrectionParameters,
     setting: float | str = 0.0,
 ) -> CouplingDataset:
-    """Supervised data of one primitive in the nominal executions that are in its cuts, with c_target = 0."""
+    """Supervised data of one primitive in the nominal executions in its cuts, with c_target = 0."""
     parts = []
     for number, run in enumerate(runs):
         if run.name in cuts.index:
@@ -276,7 +276,7 @@ def level_dataset(
 
 
 def thinned(time: np.ndarray, rate_hz: float) -> slice:
-    """Samples of a clock (T,) to keep for about this rate."""
+    """Slice that thins a clock (T,) to about this rate."""
     return slice(None, None, max(1, round(1.0 / (rate_hz * (time[1] - time[0])))))
 
 
@@ -287,7 +287,7 @@ def _samples(
     key: tuple[float | str, int],
     rate_hz: float,
 ) -> CouplingDataset:
-    """Samples of one primitive in one execution with c_target = 0; `key`: its setting, its number there."""
+    """Samples of one primitive in one execution, with c_target = 0; `key`: setting and number."""
     kept = thinned(time, rate_hz)
     duration, time = time[-1], time[kept]
     p, u = canonical.phase(time, canonical.time_constant(duration))
@@ -302,7 +302,7 @@ def _checks(
     primitive: PosePrimitive,
     axes: Sequence[Axis],
 ) -> dict[str, float]:
-    """Reproduction, smoothing and other axes of one demonstration, see `coupling_dataset`."""
+    """Consistency checks of one demonstration, see `coupling_dataset`."""
     found, (point, turn), target = {}, (corrected.point, corrected.turn), corrected.target
     chosen = np.isin(AXES, axes)
     kept = np.where(chosen, target, 0.0)
@@ -325,7 +325,7 @@ def _checks(
 
 
 def _repeated(primitive: Any, path: Path, start: np.ndarray, coupling: np.ndarray) -> Any:
-    """The primitive from the initial state of a path, with a coupling term (T, 3) over time."""
+    """The primitive unrolled from the initial state of a path, with a coupling term (T, 3) over time."""
     velocity, acceleration = (rate[0] for rate in path.rates)
     return primitive.unroll(
         path.dt, start, None, path.duration, velocity, acceleration, lambda k, x, xd: coupling[k]
@@ -333,7 +333,7 @@ def _repeated(primitive: Any, path: Path, start: np.ndarray, coupling: np.ndarra
 
 
 def _others(target: np.ndarray, chosen: np.ndarray) -> float:
-    """Root mean square of a target (T, 3) on axes that are not chosen (3,), relative to those that are."""
+    """RMS of a target (T, 3) on the axes that are not chosen (3,), relative to that on the chosen ones."""
     if chosen.all():
         return 0.0
     left = np.sqrt(np.mean(np.where(chosen, 0.0, target) ** 2) * 3 / np.sum(~chosen))

@@ -1,13 +1,13 @@
-"""The feedback models that are used in the end, and the representations that they are compared with.
+"""Final feedback models, and the comparison of representations for them.
 
-`pointwise` is the dissertation's: samples are treated as independent, and all are of a board that is tilted.
-`level` is ours: it learns from executions on the level board too, where nothing is to be corrected.
-`unrolled` is what the dissertation names as future work (V.2): training of its network continues inside a
-differentiable primitive, such that the unrolled path follows the corrected demonstration. Which one is better
-is decided on the board, in closed loop.
+`pointwise` is the dissertation's: samples are treated as independent, and all come from a tilted board.
+`level` is ours: it also learns from executions on the level board, where nothing is to be corrected.
+`unrolled` is what the dissertation names as future work (V.2): training continues inside a differentiable
+primitive, so that the unrolled path follows the corrected demonstration. Which one is better is decided on
+the board, in closed loop.
 
-Representations are compared by leave-one-demonstration-out tests (IV.9.3: table IV.5, figure IV.16); the
-folds of a representation train as one stack, the representations are spread over the cores.
+Representations are compared by leave-one-demonstration-out tests (IV.9.3: table IV.5, figure IV.16). The
+folds of a representation train as one stack; the representations are distributed over the cores.
 """
 
 from collections.abc import Hashable, Mapping, Sequence
@@ -41,7 +41,7 @@ MODELS = (POINTWISE, LEVEL, UNROLLED)
 
 
 class FeedbackParameters(NetworkParameters):
-    """Training of the final models, sample by sample and inside the unroll."""
+    """Training of the final models, sample by sample and in the unroll."""
 
     pointwise: TrainingParameters
     unrolled: UnrolledTrainingParameters
@@ -57,10 +57,10 @@ def train_models(
     parameters: FeedbackParameters,
     models: Sequence[str] = MODELS,
 ) -> dict[str, list[tuple[Key, CouplingModel]]]:
-    """Networks of each model by the keys of the datasets: one per primitive and axis (IV.6.2.3.2).
+    """Networks of each model, by the keys of the datasets: one per primitive and axis (IV.6.2.3.2).
 
-    `datasets`: corrections by the primitive's name, or by a key of primitive and axis. `level`: of
-    `coupling_targets.level_dataset`, likewise, for the model `level` alone.
+    `datasets`: corrections by primitive, or by primitive and axis. `level`: from
+    `coupling_targets.level_dataset`, with the same keys; used by the model `level` alone.
     """
     work = [
         (model, concatenated([dataset, level[key]]) if model == LEVEL else dataset, parameters)
@@ -77,7 +77,7 @@ def _trained(work: tuple[str, CouplingDataset, FeedbackParameters]) -> CouplingM
         return train_final(parameters.model, dataset, parameters.pointwise, parameters.hidden)
     paths = corrected_paths(dataset, SAMPLES)
     training, validation = split(paths, parameters.validation_share, parameters.unrolled.seed)
-    # it starts from a pointwise model that has not seen the demonstrations which choose the step
+    # start from a pointwise model that has not seen the validation demonstrations
     seen = np.isin(dataset.demonstration, np.unique(training.demonstration))
     initial = train_final(parameters.model, dataset.where(seen), parameters.pointwise, parameters.hidden)
     return initial.train_in_unroll(training, validation, parameters.unrolled)
@@ -92,13 +92,13 @@ NETWORKS = {
     "pca": ("pca", ()),
     "autoencoder": ("autoencoded", ()),
 }
-"""By representation, its module of `feedback.models` and the nodes of the regular hidden layers, of which
-`pmnn_6` has about as many as there are principal components."""
+"""Module of `feedback.models` and widths of the regular hidden layers, by representation; `pmnn_6` is about
+as wide as the number of principal components."""
 
 REPRESENTATIONS = tuple(NETWORKS)
 
 STOPPINGS = ("validation", "generalization")
-"""The part whose error chooses the step; generalization is the dissertation's, optimistic choice."""
+"""The part whose error chooses the step; the dissertation's choice, generalization, is optimistic."""
 
 CLAIMS = (
     ("pmnn_100", "pmnn_0"),
@@ -112,7 +112,7 @@ CLAIMS = (
     ("pmnn_6", "pca"),
     ("pmnn_6", "autoencoder"),
 )
-"""Pairs (better, worse) of figure IV.16 and its text."""
+"""Pairs (better, worse) according to figure IV.16 and its text."""
 
 
 def compare_representations(
@@ -121,10 +121,10 @@ def compare_representations(
     """Train every representation on every fold of every primitive.
 
     Returns by primitive: `representation`, `fold`, `stopping`, `step`, `train`, `validation`, `test`,
-    `generalization` (NMSE at that step) and `dimensions` (of the code; missing where deviations are not
-    compressed first). Raises InputError: fewer than two demonstrations, few samples, or a constant target.
+    `generalization` (NMSE at that step) and `dimensions` (of the code; missing without compression). Raises
+    InputError: fewer than two demonstrations, too few samples, or a constant target.
     """
-    keys = list(product(reversed(REPRESENTATIONS), datasets))  # the autoencoder takes longest
+    keys = list(product(reversed(REPRESENTATIONS), datasets))  # the autoencoder, which takes longest, first
     work = [(datasets[primitive], parameters, name) for name, primitive in keys]
     found = dict(zip(keys, parallel_map(_evaluated, work, "comparing representations"), strict=True))
     return {
@@ -134,7 +134,7 @@ def compare_representations(
 
 
 def _evaluated(work: tuple[CouplingDataset, TrainingParameters, str]) -> pd.DataFrame:
-    """Rows of one representation."""
+    """Comparison rows of one representation."""
     dataset, parameters, name = work
     folds = leave_one_out(dataset, parameters.chunk_samples, parameters.seed)
     network, hidden = NETWORKS[name]
@@ -151,13 +151,13 @@ def _evaluated(work: tuple[CouplingDataset, TrainingParameters, str]) -> pd.Data
 
 
 def paired_orderings(table: pd.DataFrame) -> pd.DataFrame:
-    """Whether the dissertation's orderings hold, in pairs over the folds of `compare_representations`.
+    """Whether the dissertation's orderings hold, paired over the folds of `compare_representations`.
 
     Folds share most of their training samples, so their differences are not independent and the intervals
     are somewhat too narrow. Returns per stopping and claim: `better`, `worse` (as claimed), `difference`
-    (mean over folds of the latter's generalisation NMSE minus the former's; positive as claimed),
+    (mean over folds of the generalisation NMSE of `worse` minus that of `better`; positive as claimed),
     `half_width` of its 95 % confidence interval, `p_value` (two-sided Wilcoxon signed-rank test) and the
-    `verdict`: better, worse or undecided, by the interval.
+    `verdict` by the interval: better, worse or undecided.
     """
     from scipy import stats
 

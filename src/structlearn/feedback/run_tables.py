@@ -17,16 +17,16 @@ from structlearn.primitives.orientation import QuaternionPrimitive
 from structlearn.primitives.sequence import PoseGoal, default_goals
 from structlearn.primitives.vector import relative_scale, sample_count
 
-Place = tuple[int, int]  # Index of the primitive, index of the axis
-Point = tuple[np.ndarray, np.ndarray, np.ndarray]  # Position, velocity, acceleration (3,) each
+Place = tuple[int, int]  # index of the primitive, index of the axis
+Point = tuple[np.ndarray, np.ndarray, np.ndarray]  # position, velocity, acceleration (3,) each
 
 HELD_DURATIONS = 4.0
-"""How many durations after its end the last primitive's terms go on: by then u is 1e-11, and becomes 0."""
+"""Durations for which the last primitive's terms continue after its end; then u is 1e-11, and is set to 0."""
 
 MOST_TICKS = 10**7
-"""Of a run, which is planned ahead: almost three hours at 1 kHz; more suggests a unit error."""
+"""Most ticks of a run, all planned ahead: almost three hours at 1 kHz; more suggests a unit error."""
 
-UNIT_TOLERANCE = 1e-6  # How far the norm of a quaternion may be from 1
+UNIT_TOLERANCE = 1e-6  # largest deviation of a quaternion's norm from 1
 
 
 def plan_in_time(
@@ -36,9 +36,9 @@ def plan_in_time(
     goals: Sequence[PoseGoal],
     feedback: bool,
 ) -> Plan:
-    """The plan of a run but for the position's forcing term, see `forcing_in_base_frame`.
+    """The plan of a run, except the forcing term of the position (`forcing_in_base_frame`).
 
-    `durations` in s and `goals` of the primitives; `feedback`: whether networks are used.
+    `durations` in s and `goals` per primitive; `feedback`: whether networks are used.
     """
     dt, limits, axes = 1.0 / rate_hz, skill.limits, skill.axes
     taus = np.array([canonical.time_constant(duration) for duration in durations])
@@ -83,7 +83,7 @@ def plan_in_time(
 def compiled_networks(
     networks: Mapping[Place, CouplingModel], phases: Sequence[tuple[np.ndarray, np.ndarray]], axes: int
 ) -> dict[str, np.ndarray]:
-    """The networks' fields of a `Plan`; `phases`: p and u (T_i,) of each primitive."""
+    """The networks' fields of a `Plan`; `phases`: p and u (T_i,) per primitive."""
     rows = np.cumsum([0, *(len(p) for p, _ in phases)])
     tables = {place: network.table(*phases[place[0]]) for place, network in networks.items()}
     table = np.zeros((rows[-1], axes, max((one.shape[1] for one in tables.values()), default=0)))
@@ -91,7 +91,7 @@ def compiled_networks(
         table[rows[index] : rows[index + 1], place, : own.shape[1]] = own
 
     def padded(found: Sequence[Sequence[float] | np.ndarray], kind: type = np.int64) -> np.ndarray:
-        """Numbers of each network, of any length, as (P, D, longest); 0 where there are none."""
+        """Values of each network, of any length, as (P, D, longest), zero-padded."""
         values: np.ndarray = np.zeros((len(phases), axes, max([1, *map(len, found)])), dtype=kind)
         for place, own in zip(networks, found, strict=True):
             values[place][: len(own)] = own
@@ -111,10 +111,11 @@ def compiled_networks(
 def forcing_in_base_frame(
     skill: ReactiveSkill, plan: Plan, dt: float, first: int, state: Point, goals: np.ndarray
 ) -> np.ndarray:
-    """Forcing term (R, 3) of the plan's positions, with new rows from the primitive `first` on.
+    """Forcing term (R, 3) of the plan's positions, with new rows from primitive `first` on.
 
-    Frame and amplitude of a primitive are those of its reach from where it will start without feedback: it is
-    unrolled here, from the state at the start of the first. The evolving goal takes up what feedback shifts.
+    Frame and amplitude of a primitive are those of its reach from where it starts without feedback, so the
+    primitives are unrolled from `state`, at the start of the first. Shifts by feedback are absorbed by the
+    evolving goal.
 
     `goals`: (P, 3) m. Raises InputError: a primitive's start and goal define no local frame.
     """
@@ -143,9 +144,9 @@ def end_state(forcing: np.ndarray, dt: float, tau: float, state: Point, goal: np
 
 
 def checked_durations(skill: ReactiveSkill, durations: Sequence[float] | None, dt: float) -> Sequence[float]:
-    """Durations in s, one per primitive; default the demonstrations' means.
+    """Durations in s, one per primitive; default: the demonstrations' means.
 
-    Raises InputError: another number of them, one shorter than a tick or infinite, or more than `MOST_TICKS`.
+    Raises InputError: wrong number, shorter than a tick or infinite, or more than `MOST_TICKS` in total.
     """
     if durations is None:
         durations = [primitive.duration for primitive in skill.primitives]
@@ -160,10 +161,10 @@ def checked_durations(skill: ReactiveSkill, durations: Sequence[float] | None, d
 
 
 def checked_goals(skill: ReactiveSkill, goals: Sequence[PoseGoal] | None) -> list[PoseGoal]:
-    """Goals, one per primitive; default the demonstrations' means; the identity where nothing turns.
+    """Goals, one per primitive; default: the demonstrations' means, with identity if nothing turns.
 
-    Raises InputError: another number of them, or one that is not finite, outside the workspace or no unit
-    quaternion.
+    Raises InputError: wrong number, a value that is not finite, a position outside the workspace, or a
+    quaternion without unit norm.
     """
     found = []
     goals = default_goals(skill.primitives) if goals is None else goals
@@ -175,7 +176,7 @@ def checked_goals(skill: ReactiveSkill, goals: Sequence[PoseGoal] | None) -> lis
 
 
 def checked_point(skill: ReactiveSkill, position: np.ndarray, what: str) -> np.ndarray:
-    """A position (3,); InputError where it is not finite, or outside the workspace of the skill."""
+    """A position (3,). Raises InputError: not finite, or outside the skill's workspace."""
     point = _finite(position, 3, what)
     if skill.workspace is not None:
         skill.workspace.require(point, what)
@@ -183,12 +184,12 @@ def checked_point(skill: ReactiveSkill, position: np.ndarray, what: str) -> np.n
 
 
 def unit_goal(orientation: np.ndarray | None, name: str) -> np.ndarray:
-    """The goal orientation (4,) of a primitive with norm 1; InputError as `checked_unit`."""
+    """The normalised goal orientation (4,) of a primitive. Raises InputError as `checked_unit`."""
     return quaternion.normalised(checked_unit(orientation, f"the goal orientation of '{name}'"))
 
 
 def checked_unit(values: np.ndarray | None, what: str) -> np.ndarray:
-    """A quaternion (4,); InputError where it is not finite, or its norm is not 1."""
+    """A quaternion (4,). Raises InputError: not finite, or its norm is not 1."""
     array = _finite(values, 4, what)
     if abs(np.linalg.norm(array) - 1.0) > UNIT_TOLERANCE:
         raise InputError(f"{what} must have norm 1, has {np.linalg.norm(array):.6g}")
@@ -206,7 +207,7 @@ def _finite(values: np.ndarray | None, size: int, what: str) -> np.ndarray:
 
 
 def _of_primitives(skill: ReactiveSkill, values: Sequence, what: str) -> list[tuple[str, Any]]:
-    """Values with the names of their primitives; InputError for another number of them."""
+    """Pairs (name of the primitive, value). Raises InputError: wrong number of values."""
     if len(values) != len(skill.primitives):
         raise InputError(f"there are {len(values)} {what} for {len(skill.primitives)} primitives")
     return [(primitive.name, value) for primitive, value in zip(skill.primitives, values, strict=True)]

@@ -6,10 +6,10 @@
         flags = controller.tick(new_sensor_sample_or_None)
         robot.follow(controller.position, controller.orientation, ...)
 
-Everything that depends on time only is computed before the first tick; a tick takes the sensor's newest
+Everything that depends on time only is computed before the first tick. A tick takes the sensor's newest
 sample, evaluates the networks and steps the pose exactly, at any rate. Whatever the sensor does, coupling
-terms are bounded in size and in their rate of change, and fade with the phase, so the goal is reached.
-`benchmarks/controller.py` measures how long ticks take on a machine, and what the long ones waited for.
+terms are bounded in magnitude and rate of change and fade with the phase, so the goal is reached.
+`benchmarks/controller.py` measures the duration of ticks, and what long ticks waited for.
 """
 
 from collections.abc import Sequence
@@ -30,21 +30,21 @@ from structlearn.primitives.vector import sample_count
 class Status(IntFlag):
     """Status flags of a tick; 0 if there is nothing to report."""
 
-    # the sample handed in has a value that is not finite, or the network overflowed on it
+    # the sample has a value that is not finite, or the network overflowed on it
     REJECTED = controller_tick.REJECTED
-    WAITING = controller_tick.WAITING  # the offset of the run is not known yet, so there is no feedback yet
-    NO_OFFSET = controller_tick.NO_OFFSET  # it was not known in time, so there is no feedback in this run
-    # the newest good sample is too old; the coupling terms fade until there is one again
+    WAITING = controller_tick.WAITING  # no feedback yet: the offset of the run is not known
+    NO_OFFSET = controller_tick.NO_OFFSET  # no feedback in this run: the offset was not known in time
+    # the newest good sample is too old; the coupling terms fade until there is a new one
     STALE = controller_tick.STALE
     SATURATED = controller_tick.SATURATED  # a coupling term is at its bound
-    RATE_LIMITED = controller_tick.RATE_LIMITED  # one changes as fast as it may
+    RATE_LIMITED = controller_tick.RATE_LIMITED  # a coupling term changes at its largest rate
 
 
 class Controller:
     """Controller of a skill, for any number of runs.
 
-    Outputs, valid after `start` and after each tick, are read-only views of the state: the same arrays for
-    the controller's whole life, overwritten by the next tick.
+    Outputs, valid after `start` and after each tick, are read-only views of the state: the arrays stay the
+    same for the controller's lifetime and are overwritten by the next tick.
 
     Attributes:
         position: (3,) m.
@@ -67,9 +67,9 @@ class Controller:
     ) -> None:
         """Plan all runs.
 
-        `durations` (s), `goals`: one per primitive; default the demonstrations' means. `feedback`: False
-        leaves the coupling terms 0; deviations are still reported. Raises InputError: the rate, a duration or
-        a goal is invalid, or a goal is outside the skill's workspace.
+        `durations` (s), `goals`: one per primitive; default: the demonstrations' means. `feedback`: False
+        keeps the coupling terms at 0; deviations are still reported. Raises InputError: the rate, a duration
+        or a goal is invalid, or a goal is outside the skill's workspace.
         """
         if not (np.isfinite(rate_hz) and rate_hz > 0):
             raise InputError(f"the rate of the controller must be positive, is {rate_hz} Hz")
@@ -90,9 +90,9 @@ class Controller:
         self.deviation, self.coupling = _read_only(self._state.deviation), _read_only(self._state.coupling)
 
     def start(self, position: np.ndarray, orientation: np.ndarray | None = None) -> None:
-        """Begin a run at rest, to the goals that the controller was made with; compiles what ticks call.
+        """Begin a run at rest, to the controller's goals; also compiles the functions that ticks call.
 
-        `position`: (3,) m. `orientation`: (4,) unit quaternion; may be left out when no primitive has
+        `position`: (3,) m. `orientation`: (4,) unit quaternion; may be omitted if no primitive has
         orientations. Raises InputError: the pose is not finite, outside the skill's workspace or no unit
         quaternion, or a reach has no direction.
         """
@@ -106,7 +106,7 @@ class Controller:
         at_rest = (position, np.zeros(3), np.zeros(3))
         goals, turned_goals = self._goals
         forcing = run_tables.forcing_in_base_frame(self.skill, plan, self._dt, 0, at_rest, goals)
-        plan.position_forcing[:] = forcing  # nothing can fail any more, and until here nothing has changed
+        plan.position_forcing[:] = forcing  # the first change of state: nothing below can fail
         plan.position_goal[:] = goals
         plan.orientation_goal[:] = turned_goals if turned else orientation
         for array in (state.clock, state.path, state.turning, state.zero, state.good, state.coupling):
@@ -116,18 +116,18 @@ class Controller:
         controller_tick.begin(*self._arguments, 0)
         before = {name: array.copy() for name, array in state._asdict().items()}
         controller_tick.tick(*self._arguments, False)
-        for name in before.keys() - {"path", "turning", "orientation", "deviation"}:  # the outputs
+        for name in before.keys() - {"path", "turning", "orientation", "deviation"}:  # all but outputs
             getattr(state, name)[:] = before[name]
         self._started = True
 
     def tick(self, counts: np.ndarray | None) -> int:
-        """Advance to the next sample of the run; the first tick gives the start itself.
+        """Advance to the next sample of the run; the first tick outputs the start itself.
 
-        `counts`: (E,) the sensor's newest sample if one has come since the last tick, else None. Without
-        expected traces (E = 0) it is ignored. Returns flags, see `Status`.
+        `counts`: (E,) the sensor's newest sample, if there is one since the last tick, else None. Ignored
+        without expected traces (E = 0). Returns flags, see `Status`.
 
         Raises:
-            InputError: counts have another size, or are no numbers; nothing has moved then.
+            InputError: counts have another size or are not numeric; the state is unchanged.
             RuntimeError: the run has not been started.
         """
         if not self._started:
@@ -142,7 +142,7 @@ class Controller:
             try:
                 np.copyto(
                     self._sample, counts, casting="same_kind"
-                )  # of any real type: compiled code sees one
+                )  # any real type; compiled code sees float64
             except (TypeError, ValueError) as error:
                 raise InputError(f"a sensor sample has {len(self._sample)} numbers: {error}") from error
         return controller_tick.tick(*self._arguments, fresh)
@@ -150,16 +150,16 @@ class Controller:
     def move_goal(
         self, primitive: int | str, position: np.ndarray, orientation: np.ndarray | None = None
     ) -> None:
-        """Move the goal of the running primitive or a later one in this run.
+        """Move the goal of the running primitive or of a later one in this run; call between ticks.
 
         Position, velocity and acceleration stay continuous: the running primitive keeps its forcing term,
-        later ones are planned anew from where they will start. Between two ticks; takes some tenths of a ms.
+        later ones are replanned from where they will start. Takes some tenths of a ms.
 
-        `position`: (3,) m. `orientation`: (4,) unit quaternion; default unchanged.
+        `position`: (3,) m. `orientation`: (4,) unit quaternion; default: unchanged.
 
         Raises:
             InputError: no such primitive, it has ended, or the goal is invalid or outside the workspace;
-                nothing has changed then.
+                the state is unchanged.
             RuntimeError: the run has not been started.
         """
         if not self._started:
@@ -192,7 +192,7 @@ class Controller:
             state.remaining[0] = quaternion.difference(evolving, turned)
 
     def _due_point(self) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """Position, velocity, acceleration of the sample that is due."""
+        """Position, velocity, acceleration of the due sample."""
         plan, (row, running) = self._plan, self._clock[[controller_tick.ROW, controller_tick.PRIMITIVE]]
         tau, (offset, rate, goal) = plan.tau[running], self._state.point[:, 0]
         force = ALPHA * (BETA * (goal - offset) - rate) + plan.position_forcing[row]
@@ -200,7 +200,7 @@ class Controller:
 
     @property
     def compiled(self) -> tuple[tuple, tuple]:
-        """Plan and state as `controller_tick.tick` takes them, for loops that are compiled as a whole.
+        """Plan and state in the form of `controller_tick.tick`, for loops that are compiled as a whole.
 
         Raises RuntimeError: the run has not been started.
         """
@@ -210,7 +210,7 @@ class Controller:
 
     @property
     def primitive(self) -> int:
-        """Place of the primitive that runs; the sample of a switch belongs to the successor."""
+        """Index of the running primitive; the sample of a switch belongs to the successor."""
         return int(self._clock[controller_tick.PRIMITIVE])
 
     @property
@@ -220,7 +220,7 @@ class Controller:
 
     @property
     def phase(self) -> float:
-        """Phase p of the primitive that runs."""
+        """Phase p of the running primitive."""
         plan, primitive = self._plan, self.primitive
         switches = plan.rows[primitive] - primitive  # a switch has two rows, but is one sample
         elapsed = self._dt * (self._ticks_done - switches)
@@ -228,17 +228,16 @@ class Controller:
 
     @property
     def finished(self) -> bool:
-        """Whether the last primitive's duration is over; ticks may go on, the pose settles at the goal."""
+        """Whether the last primitive has ended; ticks may continue, and the pose settles at the goal."""
         return bool(self._ticks_done >= self._last_tick)
 
     @property
     def _ticks_done(self) -> int:
-        """Ticks since the first one, which gave the start."""
+        """Ticks after the first one, which outputs the start."""
         return max(int(self._clock[controller_tick.TICK]) - 1, 0)
 
 
 def _read_only(array: np.ndarray) -> np.ndarray:
-    """A view of an array through which nothing can be written."""
     view = array.view()
     view.flags.writeable = False
     return view

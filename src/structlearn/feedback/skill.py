@@ -1,6 +1,6 @@
 """Skill for a robot: primitives, expected sensor traces, feedback models, and their bounds.
 
-Each dimension of a coupling term has a network of its own, of the same sensors (IV.6.2.3.2):
+Each dimension of a coupling term has its own network of the same sensors (IV.6.2.3.2):
 `networks["scrape"]["ry"]` corrects about the base frame's y axis while `scrape` runs.
 """
 
@@ -20,18 +20,18 @@ from structlearn.primitives.sequence import PosePrimitive
 from structlearn.primitives.transformation import ALPHA, BETA
 from structlearn.primitives.vector import VectorPrimitive
 
-TARGET_MARGIN = 1.5  # A coupling term may be this much larger than any that was demonstrated
+TARGET_MARGIN = 1.5  # bound of a coupling term, relative to the largest demonstrated one
 LARGEST_TURN, LARGEST_SHIFT = 40.0, ALPHA * BETA * 0.03
-"""rad and m, the default limits; held for long, they turn by 15 degrees and shift by 3 cm."""
+"""Default bounds in rad and m; a constant coupling at the bound turns by 15 degrees or shifts by 3 cm."""
 
-Coupling = Annotated[float, Field(gt=0, le=1e4)]  # held for long, 1e4 would shift by 64 m
+Coupling = Annotated[float, Field(gt=0, le=1e4)]  # a constant coupling of 1e4 would shift by 64 m
 
 
 class FadingParameters(Parameters):
-    """Times in which feedback fades. Fields: `params.yaml`, `write_skill`.
+    """Time constants of fading feedback. Fields: `params.yaml`, `write_skill`.
 
-    `fade_s` bounds |dc/dt| within a primitive. Where the next one begins c is 0 at once, and the evolving
-    goal takes up what it was (eq. IV.14), so that the acceleration stays continuous.
+    `fade_s` bounds |dc/dt| within a primitive. At a switch c is set to 0, and the evolving goal absorbs the
+    change (eq. IV.14), so that the acceleration stays continuous.
     """
 
     fade_s: float = Field(gt=0, le=60)
@@ -42,8 +42,8 @@ class FadingParameters(Parameters):
 class Limits(FadingParameters):
     """Bounds on feedback, with cautious defaults."""
 
-    # by axis, bound of |c|, m or rad (see `axes`); held for long, c shifts or turns by c / (ALPHA BETA).
-    # `largest_coupling` derives it from demonstrated coupling terms.
+    # bound of |c| by axis, m or rad; a constant c shifts or turns by c / (ALPHA BETA). `largest_coupling`
+    # derives it from demonstrated coupling terms.
     largest_coupling: dict[Axis, Coupling] = Field(
         default_factory=lambda: {axis: LARGEST_TURN if turns(axis) else LARGEST_SHIFT for axis in AXES}
     )
@@ -52,7 +52,7 @@ class Limits(FadingParameters):
     offset_within_s: float = Field(default=0.1, gt=0, le=60)
 
     def of(self, axes: Sequence[Axis], dt: float) -> np.ndarray:
-        """Largest coupling terms, and their largest changes in a tick of dt s: (2, D).
+        """Bounds of coupling terms, and of their changes in a tick of dt s: (2, D).
 
         Raises InputError: an axis has no bound.
         """
@@ -64,25 +64,25 @@ class Limits(FadingParameters):
 
 
 def largest_coupling(targets: Sequence[np.ndarray]) -> float:
-    """Bound of the coupling term of one axis: `TARGET_MARGIN` times the largest demonstrated one."""
+    """Bound of an axis's coupling term: `TARGET_MARGIN` times the largest demonstrated one."""
     return TARGET_MARGIN * max(float(np.abs(target).max()) for target in targets)
 
 
 def demonstrated_limits(targets: Mapping[Axis, Sequence[np.ndarray]], fading: FadingParameters) -> Limits:
-    """Limits from the coupling terms that were demonstrated on each axis; an axis without any has none."""
+    """Limits from the coupling terms demonstrated on each axis; axes without demonstrations have none."""
     largest = {axis: largest_coupling(its) for axis, its in targets.items() if its}
     return Limits(largest_coupling=largest, **fading.model_dump(include=set(FadingParameters.model_fields)))
 
 
 Networks = Mapping[str, Mapping[Axis, CouplingModel]]
-"""Feedback models by the primitive's name, by axis; what has no model is not corrected."""
+"""Feedback models by primitive, by axis; others are not corrected."""
 
 
 @dataclass(frozen=True)
 class Workspace:
     """A box along the axes of the base frame.
 
-    Raises InputError: the corners are no finite points, or in the wrong order.
+    Raises InputError: the corners are not finite points, or in the wrong order.
     """
 
     low: np.ndarray  # (3,) m
@@ -94,7 +94,7 @@ class Workspace:
             raise InputError(f"a workspace needs a low and a high corner, has {self.low} and {self.high}")
 
     def require(self, point: np.ndarray, what: str) -> None:
-        """Refuse a point (3,) that is outside; the InputError names the axes and by how much."""
+        """Raise InputError, naming axes and distances, if a point (3,) is outside."""
         beyond = np.maximum(self.low - point, point - self.high)
         faults = [
             f"{axis} = {value:.4g} m is {excess:.3g} m {'below' if value < low else 'above'} "
@@ -108,16 +108,16 @@ class Workspace:
 
 @dataclass(frozen=True)
 class ReactiveSkill:
-    """Primitives in sequence, with feedback where they have a network; InputError if its parts do not fit."""
+    """Sequence of primitives, with feedback where they have networks. Raises InputError: parts do not fit."""
 
-    # with orientations of the quaternion form, or without orientation and networks that turn
+    # with quaternion orientations, or without orientation and without networks for rotations
     primitives: Sequence[PosePrimitive]
     # expected sensor traces by the primitive's name, all of the same channels
     expected: Mapping[str, VectorPrimitive] = field(default_factory=dict)
     networks: Networks = field(default_factory=dict)  # each takes all channels, or none (`pmnn.open_loop`)
     limits: Limits = field(default_factory=Limits)  # bounds of the feedback
-    workspace: Workspace | None = None  # where runs may start and have their goals; None: anywhere
-    # names and numbers of channels of the sensors that make up a sample, in this order; may be left out
+    workspace: Workspace | None = None  # where runs may start and have goals; None: anywhere
+    # names and numbers of channels of the sensors in a sample, in this order; optional
     sensors: tuple[tuple[str, int], ...] = ()
 
     def __post_init__(self) -> None:
@@ -164,7 +164,7 @@ class ReactiveSkill:
 
     @property
     def axes(self) -> tuple[Axis, ...]:
-        """Axes that some network corrects, in the order of `coupling.AXES`."""
+        """Axes corrected by at least one network, in the order of `coupling.AXES`."""
         used = {axis for by_axis in self.networks.values() for axis in by_axis}
         return tuple(axis for axis in AXES if axis in used)
 
@@ -174,7 +174,7 @@ class ReactiveSkill:
         return next((len(traces.start) for traces in self.expected.values()), 0)
 
     def index(self, primitive: int | str) -> int:
-        """Place of a primitive in the sequence, by its name or its place; InputError if there is none."""
+        """Index of a primitive, by name or index. Raises InputError: there is none."""
         names = [part.name for part in self.primitives]
         if primitive in names:
             return names.index(primitive)
@@ -184,11 +184,11 @@ class ReactiveSkill:
 
 
 def demonstrated_workspace(paths: Iterable[np.ndarray], margin_m: float) -> Workspace:
-    """The smallest box around demonstrated paths (T, 3) in m, extended by a margin."""
+    """Smallest box around demonstrated paths (T, 3) in m, enlarged by a margin."""
     points = np.concatenate(list(paths))
     return Workspace(points.min(axis=0) - margin_m, points.max(axis=0) + margin_m)
 
 
 def on_axis(networks: Mapping[str, CouplingModel], axis: Axis) -> Networks:
-    """Networks of a skill that corrects on one axis, from networks by the primitive's name."""
+    """Networks of a skill that corrects on one axis, from networks by primitive."""
     return {name: {axis: network} for name, network in networks.items()}

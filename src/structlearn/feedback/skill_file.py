@@ -1,8 +1,8 @@
-"""A skill as one safetensors file: all that a robot needs, with its bounds, its units and its origin.
+"""A skill as one safetensors file: everything a robot needs, with bounds, units and provenance.
 
 Tensors are `primitives.<primitive>...` as in `primitives.primitive_files`, `expected.<primitive>.<array>`,
-`networks.<primitive>.<axis>.<array>`, and `workspace` (2, 3): its low and its high corner. The rest is in the
-description, with a digest of all (`core.artefacts`).
+`networks.<primitive>.<axis>.<array>`, and `workspace` (2, 3), its low and high corner. The rest is in the
+description, with a digest of everything (`core.artefacts`).
 """
 
 import hashlib
@@ -33,7 +33,7 @@ from structlearn.primitives.primitive_files import (
 from structlearn.primitives.sequence import default_goals, default_start
 from structlearn.primitives.vector import OFFSET_SAMPLES
 
-KIND = "reactive_skill"  # The one key of the description
+KIND = "reactive_skill"  # only key of the description
 UNITS = {
     "length": "m",
     "angle": "rad",
@@ -44,10 +44,10 @@ UNITS = {
     "wrench": "force in N, then torque in N m",
 }
 
-VERSION = 1  # of the form of the file
+VERSION = 1  # of the file format
 LARGEST = 1e9
-"""Largest absolute value that is accepted; with smaller ones no tick overflows."""
-LONGEST_S = 1000.0  # of a primitive; a longer one suggests a unit error
+"""Largest absolute value that is accepted; below it no tick overflows."""
+LONGEST_S = 1000.0  # longest primitive; more suggests a unit error
 
 READINGS = (
     "A sample has the channels of all sensors, in their order, as the drivers give them. The mean of the "
@@ -57,7 +57,7 @@ READINGS = (
 
 
 class SkillParameters(FadingParameters):
-    """What a skill file says beyond what was learned."""
+    """Contents of a skill file beyond what was learned."""
 
     workspace_margin_m: float = Field(gt=0)
 
@@ -94,11 +94,10 @@ def write_skill(skill: ReactiveSkill, path: str | Path, provenance: Mapping[str,
 
 
 def read_skill(path: str | Path) -> ReactiveSkill:
-    """Read a skill, with which every tick is finite.
+    """Read a skill, checked such that every tick yields finite values.
 
-    Raises InputError: the file is missing, damaged or holds no skill, is of another version or in other
-    units, lacks a limit, has a number out of range or a goal outside its workspace, or its parts do not fit
-    together.
+    Raises InputError: the file is missing, damaged or not a skill, has another version or other units, lacks
+    a limit, has a number out of range or a goal outside its workspace, or its parts do not fit together.
     """
     tensors, described = read_tensors(path), _described(path)
     with holding(path, "skill of this version"):
@@ -128,8 +127,8 @@ def read_skill(path: str | Path) -> ReactiveSkill:
 
 
 def read_provenance(path: str | Path) -> dict[str, Any]:
-    """Where a skill comes from. Raises InputError: as `read_skill`."""
-    read_tensors(path)  # the digest is of the description too
+    """Provenance of a skill. Raises InputError: as `read_skill`."""
+    read_tensors(path)  # verifies the digest, which includes the description
     return _described(path)["provenance"]
 
 
@@ -137,8 +136,8 @@ def provenance(bags: Sequence[Path], parameters: Mapping[str, Any]) -> dict[str,
     """Recordings, parameters and version that a skill was learned with.
 
     `bags`: files or folders of recordings, with all files below. `parameters`: all that were used, by stage.
-    Returns `bags`, SHA-256 by their names, which begin with that of the folder given; `parameters`, SHA-256
-    of their sorted JSON; `version` of this package.
+    Returns `bags`, SHA-256 by file name, starting with the given folder; `parameters`, SHA-256 of their
+    sorted JSON; `version` of this package.
     """
     digests = {}
     for source in bags:

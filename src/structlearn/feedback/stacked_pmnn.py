@@ -1,27 +1,27 @@
-"""Phase-modulated networks as they are trained: M of them (folds, axes) as one stack.
+"""Training of phase-modulated networks, M of them (folds, axes) as one stack.
 
     h_1 = tanh(z W_1 + b_1), ...        m = G(p, u) * k * (h_L W_m + b_m)        c = m . w_c
 
-The fixed factors k_i = 1 / |mean of u under kernel i| are what `pmnn.PhaseModulatedNetwork` lacks. They
-change no function that can be learnt: u is -4.6 in mid-movement and -0.15 at its end, where a correction must
-still be held, and with them a late kernel's weights need not grow 30 times as large as the others on
-gradients 30 times as small. RMSProp divides each gradient by its own size and so makes up for most of that;
-initial outputs and optimisers of another kind do not. `to_network` folds the factors into the phase weights.
+The fixed factors k_i = 1 / |mean of u under kernel i| are not in `pmnn.PhaseModulatedNetwork`; `to_network`
+folds them into the phase weights. They change no learnable function. But u is -4.6 in mid-movement and -0.15
+at its end, where a correction must still be held; without the factors, weights of late kernels would have to
+grow 30 times as large as the others on gradients 30 times as small. RMSProp, which divides each gradient by
+its own size, compensates most of that; initial outputs and other optimisers do not.
 
-They are trained sample by sample (`train_networks`), or inside a differentiable unroll (`train_unrolled`,
+Networks are trained sample by sample (`train_networks`), or inside a differentiable unroll (`train_unrolled`,
 future work of the dissertation, V.2):
 
     r = R c        loss = mean (R c - r_cd)^2 / mean r_cd^2 + weight mean (c - c_target)^2 / mean c_target^2
 
-Sample by sample, the loss is the error of the coupling term at every instant; but what counts is where the
-movement ends. In the unroll, c_t = PMNN(ds_t, G_t) runs through the primitive, and the angle r that it adds
-to the nominal movement is compared with the demonstrated one. Sensors cannot be differentiated: their
-deviations are those of the corrected demonstration (teacher forcing).
+Sample by sample, the loss is the error of the coupling term at every instant, whereas the task depends on
+where the movement ends. In the unroll, c_t = PMNN(ds_t, G_t) passes through the primitive, and the angle r
+that it adds to the nominal movement is compared with the demonstrated one. The sensors are not
+differentiable: deviations are those of the corrected demonstration (teacher forcing).
 
-Since the primitive is linear in c (`coupling_response`), errors that it averages out weigh little, errors
-that add up to drift weigh much. This helps where the noise is in the demonstrated path, such as a hand's
-tremor, which differentiating twice magnifies in c_target. Where it is in the coupling term itself, single
-samples are as good or better: a path has fewer independent values.
+Since the primitive is linear in c (`coupling_response`), errors that average out weigh little, and errors
+that add up to drift weigh much. This helps if the noise is in the demonstrated path, such as a hand's tremor,
+which differentiating twice amplifies in c_target. If the noise is in the coupling term itself, single samples
+are as good or better: a path has fewer independent values.
 """
 
 from collections.abc import Sequence
@@ -41,14 +41,14 @@ from structlearn.networks.torch_settings import as_tensor, one_thread, seeded
 from structlearn.primitives import canonical, kernels
 from structlearn.primitives.kernels import KERNEL_COUNT, features
 
-MOVEMENT_SAMPLES = 1000  # Samples of one movement over which the mean phase velocity of a kernel is taken
+MOVEMENT_SAMPLES = 1000  # per movement, to average the phase velocity under each kernel
 
 
 class StackedPhaseModulatedNetworks:
     """M phase-modulated networks (eq. IV.27-IV.30): no output bias, c = 0 wherever u = 0.
 
-    `inputs`: D. `hidden`: nodes of each regular hidden layer, left out of a training step with probability
-    `dropout`. `kernels`: N. `generator`: source of the initial weights and of the dropout masks.
+    `inputs`: D. `hidden`: width of each regular hidden layer; nodes are dropped in a training step with
+    probability `dropout`. `kernels`: N. `generator`: for initial weights and dropout masks.
     """
 
     def __init__(
@@ -82,7 +82,7 @@ class StackedPhaseModulatedNetworks:
     def to_network(
         self, index: int, input_mean: np.ndarray, input_scale: np.ndarray, output_scale: float
     ) -> PhaseModulatedNetwork:
-        """One model of the stack in float64, with what its inputs (D,) and targets were standardised by."""
+        """Model `index` of the stack in float64, including the scales of its inputs (D,) and targets."""
         scale = kernel_scale(len(self.kernel_scale))
         *hidden, (phase_weights, phase_biases) = self.layers.layers_of(index)
         return PhaseModulatedNetwork(
@@ -102,9 +102,9 @@ class StackedPhaseModulatedNetworks:
         dropout: float,
         generator: torch.Generator,
     ) -> Self:
-        """A stack that starts from networks of equal shape, on standardised inputs; inverse of `to_network`.
+        """A stack initialised from networks of equal shape, for standardised inputs; inverse of `to_network`.
 
-        `output_scales`: (M,) by which targets are divided.
+        `output_scales`: (M,) divide the targets.
         """
         (inputs, *hidden), count = networks[0].sizes, len(networks[0].phase_biases)
         stack = cls(len(networks), inputs, hidden, count, dropout, generator)
@@ -146,8 +146,8 @@ def kernel_scale(count: int) -> np.ndarray:
     return normalised.sum(axis=0) / np.abs(u @ normalised)
 
 
-DEMONSTRATIONS_PER_BATCH = 15  # Whole demonstrations in a step: as many as there are of one setting
-VALIDATION_INTERVAL = 50  # Steps between two looks at the demonstrations that training is stopped on
+DEMONSTRATIONS_PER_BATCH = 15  # whole demonstrations per step: as many as there are of one setting
+VALIDATION_INTERVAL = 50  # steps between evaluations for early stopping
 
 
 def train_unrolled(
@@ -158,9 +158,9 @@ def train_unrolled(
 ) -> PhaseModulatedNetwork:
     """Train a feedback model such that the unrolled path follows the corrected demonstrations.
 
-    The network with the smallest mean squared unrolled error on the validation demonstrations is kept, the
-    initial one included, whose standardisation stays. That is honest only if the initial network has not seen
-    them. Raises InputError: nothing was corrected in the demonstrations.
+    Keeps the network with the smallest mean squared unrolled error on the validation demonstrations, possibly
+    the initial one, whose standardisation is kept. This is unbiased only if the initial network has not seen
+    them. Raises InputError: the demonstrations contain no correction.
     """
     target_scale, path_scale = (
         float(np.sqrt(np.mean(values**2))) for values in (training.target, training.correction)
@@ -172,7 +172,7 @@ def train_unrolled(
         [initial], [target_scale], parameters.dropout, generator
     )
     optimiser = torch.optim.Adam(stack.parameters(), lr=parameters.learning_rate)
-    # in the units that the stack trains in; L demonstrations of T samples
+    # scaled as in the stack's training; L demonstrations of T samples
     inputs = as_tensor((training.deviation - initial.input_mean) / initial.input_scale)  # (L, T, D)
     modulation = as_tensor(kernels.unit_features(training.target.shape[1], initial.kernel_count))  # (T, N)
     target = as_tensor(training.target / target_scale)  # (L, T)

@@ -1,10 +1,10 @@
 """Training of feedback models: RMSProp on the squared error of the coupling term (IV.6.2, eq. IV.31).
 
-All models of a stack train at once, each on batches of its own. At intervals, the normalised mean squared
+All models of a stack train simultaneously, each on its own batches. At intervals, the normalised mean squared
 error of the parts that may choose a step is evaluated without dropout, and the best weights are kept.
 
-Two steps are kept in the end: the one that validation chooses, which is honest, and the one with the lowest
-error on the left-out demonstration itself, which is what the dissertation reports and is optimistic.
+Two steps are kept: the one chosen by validation, which is unbiased, and the one with the lowest error on the
+left-out demonstration itself, which is what the dissertation reports and is optimistic.
 """
 
 from collections.abc import Callable, Iterator, Sequence
@@ -20,35 +20,35 @@ from structlearn.feedback.coupling_dataset import Fold, stream
 from structlearn.feedback.coupling_model import Jobs, Model, Trained, TrainingParameters
 from structlearn.networks.torch_settings import RootMeanSquarePropagation, as_tensor, one_thread
 
-EVALUATED_AT_ONCE = 128  # Samples per model; a stack's activations then stay in a core's cache
+EVALUATED_AT_ONCE = 128  # samples per model, so that a stack's activations stay in a core's cache
 CHOOSING = ("validation", "generalization")
-"""Parts that may choose a step; the others are five times as many samples."""
+"""Parts that may choose a step. Evaluating the others too would take five times as many samples."""
 
-DECAY = 0.9  # Of RMSProp's running mean of squared gradients, per step: the value with which it was published
+DECAY = 0.9  # of RMSProp's running mean of squared gradients per step, as published
 
 
-Units = tuple[np.ndarray, np.ndarray]  # Mean and scale (D,) of inputs
+Units = tuple[np.ndarray, np.ndarray]  # mean and scale (D,) of inputs
 Forward = Callable[[Tensor, Any, bool], Tensor]
-"""Outputs (M, B) or (M, B, D) at inputs (M, B, D) and phase features (M, B, N), which are None for networks
-without; True lets nodes drop out."""
+"""Outputs (M, B) or (M, B, D) from inputs (M, B, D) and phase features (M, B, N), None for networks without
+them; the flag enables dropout."""
 
 
 @dataclass(frozen=True)
 class Stack:
-    """M networks of any kind that train at once."""
+    """M networks of any kind that train simultaneously."""
 
-    weights: Sequence[Tensor]  # all that is trained, with a leading model axis
+    weights: Sequence[Tensor]  # all trained tensors, with a leading model axis
     forward: Forward
 
 
 @dataclass(frozen=True)
 class StackedData:
-    """What a stack of M models trains on; every model sees the same S samples in its own units."""
+    """Training data of a stack of M models: the same S samples, scaled for each model."""
 
     inputs: Tensor  # (M, S, D) standardised inputs
     modulation: Tensor | None  # (S, N) phase features; None for networks without phase modulation
     target: Tensor  # (M, S) scaled coupling terms, or (M, S, D) inputs that an autoencoder reconstructs
-    folds: Sequence[Fold]  # per model, the samples by part
+    folds: Sequence[Fold]  # split of the samples, per model
 
 
 def train(
@@ -56,9 +56,9 @@ def train(
 ) -> dict[str, tuple[list[Tensor], list[int]]]:
     """Train a stack in place; every model ends with the weights that did best on its validation part.
 
-    Returns by part of `CHOOSING` every model's best weights, and the gradient steps done until then. It runs
-    on one thread: parallel work is a matter of processes, and a sum whose order depends on the number of
-    threads would not be reproducible.
+    Returns by part of `CHOOSING` every model's best weights, and the gradient steps taken until then. Runs on
+    one thread, because sums whose order depends on the number of threads are not reproducible; parallelism is
+    over processes.
     """
     optimiser = RootMeanSquarePropagation(stack.weights, parameters.learning_rate, DECAY)
     draws = [np.random.default_rng([parameters.seed, stream(fold.number), 1]) for fold in data.folds]
@@ -71,10 +71,10 @@ def train(
             for rows in _batches(data.folds, draws, (count, parameters.batch_size)):
                 outputs = stack.forward(_taken(data.inputs, rows), _modulation(data, rows), True)
                 squares = (outputs - _taken(data.target, rows)).square()
-                # mean over the samples, summed over models: their gradients do not mix
+                # mean over the samples, sum over the models, whose gradients are independent
                 optimiser.step(squares.flatten(1).mean(dim=1).sum())
             errors = evaluate(stack, data)
-            better = errors < best  # never where it diverged
+            better = errors < best  # False for diverged models (NaN)
             best[better], steps[better] = errors[better], start + count
             for place, part in enumerate(CHOOSING):
                 chosen = torch.from_numpy(better[:, place])
@@ -86,7 +86,7 @@ def train(
 
 @torch.no_grad()
 def restore(stack: Stack, weights: Sequence[Tensor]) -> None:
-    """Give a stack kept weights back."""
+    """Copy kept weights back into a stack."""
     for values, found in zip(stack.weights, weights, strict=True):
         values.copy_(found)
 
@@ -94,9 +94,9 @@ def restore(stack: Stack, weights: Sequence[Tensor]) -> None:
 def train_stack(
     stack: Stack, data: StackedData, parameters: TrainingParameters, model: Callable[[int], Model]
 ) -> list[Trained[Model]]:
-    """Train a stack, and export each of its networks at the step that each part chooses.
+    """Train a stack, and export each of its networks at the step chosen by each part.
 
-    `model`: exports the network of an index with the weights that the stack has now.
+    `model`: exports the network of an index with the stack's current weights.
     """
     trained: list[Trained[Model]] = [Trained({}, {}) for _ in data.folds]
     for part, (weights, steps) in train(stack, data, parameters).items():
@@ -110,8 +110,8 @@ def train_stack(
 def standardised(jobs: Jobs, phases: int = 0, given: Units | None = None) -> tuple[list[Units], Tensor]:
     """Mean and scale (D,) of each job's inputs, and the standardised inputs of all jobs (M, S, D).
 
-    `phases`: 2 to append phase and phase velocity, each with a scale of its own; 0 not to. `given`: mean and
-    scale of all jobs; default those of each job's training samples.
+    `phases`: 2 to append phase and phase velocity, each with its own scale; else 0. `given`: mean and scale
+    for all jobs; default: those of each job's training samples.
     """
     units, inputs = [], []
     for dataset, fold in jobs:
@@ -127,9 +127,9 @@ def standardised(jobs: Jobs, phases: int = 0, given: Units | None = None) -> tup
 
 
 def scaled_targets(jobs: Jobs, inputs: Tensor, kernel_count: int | None) -> tuple[list[float], StackedData]:
-    """Scales of the jobs' targets (M,), and what a stack trains on, with standardised inputs (M, S, D).
+    """Scales of the jobs' targets (M,), and the training data of a stack with inputs (M, S, D).
 
-    `kernel_count`: number of phase features; None for networks without.
+    `kernel_count`: number of phase features; None for networks without them.
     """
     scales = [target_scale(dataset.target, fold) for dataset, fold in jobs]
     modulation = None if kernel_count is None else as_tensor(jobs[0][0].modulation(kernel_count))
@@ -138,7 +138,7 @@ def scaled_targets(jobs: Jobs, inputs: Tensor, kernel_count: int | None) -> tupl
 
 
 def evaluate(stack: Stack, data: StackedData) -> np.ndarray:
-    """Normalised mean squared errors (M, 2) on `CHOOSING` without dropout; NaN for a part without samples.
+    """Normalised mean squared errors (M, 2) on `CHOOSING` without dropout; NaN for an empty part.
 
     With several targets per sample, both the squared error and the variance are summed over them.
     """
@@ -160,7 +160,7 @@ def evaluate(stack: Stack, data: StackedData) -> np.ndarray:
 
 @torch.no_grad()
 def predict(stack: Stack, data: StackedData, rows: Tensor) -> np.ndarray:
-    """Outputs of a stack, (M, R) or (M, R, D), for rows (M, R) of each model's samples."""
+    """Outputs (M, R) or (M, R, D) of a stack for rows (M, R) of each model's samples."""
     found = [
         stack.forward(_taken(data.inputs, chosen), _modulation(data, chosen), False)
         for chosen in rows.split(EVALUATED_AT_ONCE, dim=1)
@@ -171,13 +171,13 @@ def predict(stack: Stack, data: StackedData, rows: Tensor) -> np.ndarray:
 def standardisation(
     values: np.ndarray, fold: Fold, groups: Sequence[int] = ()
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Mean (D,) of the training samples, and one scale for a group of columns, (D,): the rms of their std.
+    """Mean (D,) of the training samples, and one scale per group of columns, (D,): the RMS of their stds.
 
-    The text feeds its networks with counts. One scale changes their unit alone, while a scale for each column
-    would amplify an electrode that hardly feels the tool, and is mostly noise. The scale is 1 where nothing
-    varies.
+    The text feeds its networks with counts. A common scale only changes their unit, whereas a scale per
+    column would amplify electrodes that hardly feel the tool and contain mostly noise. Constant groups have
+    scale 1.
 
-    `values`: (S, D) samples. `groups`: numbers of neighbouring columns that share a unit; none: all do.
+    `values`: (S, D) samples. `groups`: sizes of groups of adjacent columns with one unit; empty: one group.
     """
     found = values[fold.train]
     parts = np.split(found, np.cumsum(groups)[:-1], axis=1)
@@ -196,7 +196,7 @@ def target_scale(target: np.ndarray, fold: Fold) -> float:
 def _batches(
     folds: Sequence[Fold], draws: Sequence[np.random.Generator], shape: tuple[int, int]
 ) -> Iterator[Tensor]:
-    """Batches (M, B) of training rows, each model's from its own generator, in shuffled epochs."""
+    """Batches (M, B) of training rows in shuffled epochs, from a generator per model."""
     count = shape[0] * shape[1]
     stacked = []
     for fold, rng in zip(folds, draws, strict=True):

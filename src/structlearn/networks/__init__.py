@@ -1,1 +1,1 @@
-"""One kit of stacked networks: M models (folds, seeds, settings) that train as one."""
+"""Stacked networks: M models (folds, seeds, settings) that train as one."""

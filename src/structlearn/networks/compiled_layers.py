@@ -1,6 +1,6 @@
-"""The forward pass of a small network at one sample, compiled: what a control loop evaluates in every tick.
+"""Compiled forward pass of a small network at a single sample, for control loops.
 
-Networks are packed into one vector of numbers, so that compiled code takes any number of them, of any sizes.
+Networks are packed into one array, so that compiled code accepts any number of networks of any size.
 """
 
 import math
@@ -18,15 +18,15 @@ Layers = Sequence[tuple[np.ndarray, np.ndarray]]
 
 
 class PackedNetworks(NamedTuple):
-    """Several networks in a row."""
+    """Several networks in one array."""
 
-    values: np.ndarray  # all numbers; of each network mean (D,), scale (D,), then per layer W^T and b
+    values: np.ndarray  # per network mean (D,), scale (D,), then per layer W^T and b
     first: np.ndarray  # (P,) where each network begins in `values`
     sizes: np.ndarray  # (P, L + 1) inputs, then width of each layer
 
 
 def pack(networks: Sequence[tuple[np.ndarray, np.ndarray, Layers]]) -> PackedNetworks:
-    """Pack networks, of each mean (D,) and scale (D,) of its inputs, and its layers."""
+    """Pack networks, each given by mean (D,) and scale (D,) of its inputs, and its layers."""
     sizes = np.zeros((len(networks), 1 + max(len(pairs) for *_, pairs in networks)), dtype=np.int64)
     values: list[np.ndarray] = []
     first = np.zeros(len(networks), dtype=np.int64)
@@ -35,21 +35,21 @@ def pack(networks: Sequence[tuple[np.ndarray, np.ndarray, Layers]]) -> PackedNet
         sizes[index, : len(pairs) + 1] = [len(mean), *(len(biases) for _, biases in pairs)]
         values += [mean, scale]
         for weights, biases in pairs:
-            values += [np.ravel(weights.T), biases]  # an input's weights side by side: the loop vectorises
+            values += [np.ravel(weights.T), biases]  # contiguous per input: the loop vectorises
     return PackedNetworks(np.concatenate(values).astype(float), first, sizes)
 
 
 def layer_values(sizes: np.ndarray) -> np.ndarray:
-    """Memory (L + 2, W) for one of networks of sizes (P, L + 1): inputs, each layer, and a row to spare."""
+    """Scratch memory (L + 2, W) for networks of sizes (P, L + 1): inputs, each layer, and a spare row."""
     return np.zeros((sizes.shape[1] + 1, sizes.max(initial=1)))
 
 
 @numba.njit(cache=True, fastmath={"contract"})
 def hidden_layers(values: Array, begin: int, layers: int, sizes: Array, inputs: Array, work: Array) -> int:
-    """Write the standardised inputs (D,) and the values of the first layers, all tanh, into rows of work.
+    """Write the standardised inputs (D,) and the activations of the tanh layers into rows of work.
 
-    `values`: of packed networks; the network, of `sizes` (L + 1,), begins at `begin`. `work`: of
-    `layer_values`; row k is layer k's. Returns where the next layer begins in `values`.
+    `values`: of packed networks; the network, of `sizes` (L + 1,), begins at `begin`. `work`: from
+    `layer_values`; row k is for layer k. Returns where the next layer begins in `values`.
     """
     count = sizes[0]
     for i in range(count):
@@ -65,12 +65,12 @@ def hidden_layers(values: Array, begin: int, layers: int, sizes: Array, inputs: 
 
 @numba.njit(cache=True, fastmath={"contract"})
 def affine(values: Array, at: int, inputs: int, width: int, layer_in: Array, layer_out: Array) -> int:
-    """Write W x + b of the layer that begins at `at`; return where the next one begins."""
+    """Write W x + b of the layer that begins at `at`; return where the next layer begins."""
     biases = at + inputs * width
     for j in range(width):
         layer_out[j] = values[biases + j]
     even = inputs - inputs % 4
-    for i in range(0, even, 4):  # four inputs at a time: a quarter of the reads and writes of the sums
+    for i in range(0, even, 4):  # four inputs at a time need a quarter of the memory accesses
         a, b, c, d = layer_in[i], layer_in[i + 1], layer_in[i + 2], layer_in[i + 3]
         rows = values[at + i * width : at + (i + 4) * width]
         for j in range(width):

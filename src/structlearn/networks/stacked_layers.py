@@ -1,11 +1,11 @@
 """Stacks of fully connected layers: M independent networks (folds, seeds) in batched matrix products.
 
-The project's networks are small (38-100-25-1): training one alone is mostly call overhead. With a leading
+The project's networks are small (38-100-25-1), and training one alone is mostly call overhead. With a leading
 model axis on every tensor, a step of all models needs hardly more calls than a step of one. They share
 nothing but dropout masks; a model learns the same alone and in a stack.
 
-Samples are the last axis, (M, D, B): node-wise operations run along memory, and batch normalisation takes all
-models in one call. `RowLayers` takes a sample as a row, (M, B, D).
+Samples are the last axis, (M, D, B): node-wise operations are contiguous, and batch normalisation takes all
+models in one call. `RowLayers` has samples as rows, (M, B, D).
 """
 
 from collections.abc import Mapping, Sequence
@@ -24,13 +24,13 @@ VARIANCE_FLOOR = 1e-5  # added to the variance in batch normalisation
 
 @dataclass(frozen=True)
 class Dropout:
-    """Nodes left out of a training step."""
+    """Dropout of hidden nodes in training."""
 
-    share: float  # probability with which a hidden node is left out
+    share: float  # probability of dropping a hidden node
     generator: torch.Generator  # source of the masks
 
     def mask(self, shape: Sequence[int]) -> Tensor:
-        """One mask for all models, so that a model's does not depend on the stack: 0 or 1 / (1 - share)."""
+        """One mask for all models, independent of the stack's size: 0 or 1 / (1 - share)."""
         kept = torch.rand(*shape, generator=self.generator) >= self.share
         return kept.float().div_(1.0 - self.share)
 
@@ -39,24 +39,24 @@ class Dropout:
 class StackedLayers:
     """M fully connected networks: tanh in every hidden layer, linear output.
 
-    With batch normalisation before every tanh, its shifts take the place of the hidden layers' biases.
+    With batch normalisation before every tanh, its shifts replace the hidden layers' biases.
     """
 
     weights: tuple[Tensor, ...]  # (M, after, before) per layer
     biases: tuple[Tensor, ...]  # (M, after, 1) per layer
-    scales: tuple[Tensor, ...] = ()  # (M, nodes) per hidden layer, of batch normalisation; empty without
-    means: tuple[Tensor, ...] = ()  # (M, nodes) per hidden layer, running; updated in place
+    scales: tuple[Tensor, ...] = ()  # (M, nodes) per hidden layer, for batch normalisation; else empty
+    means: tuple[Tensor, ...] = ()  # (M, nodes) per hidden layer, running means; updated in place
     variances: tuple[Tensor, ...] = ()  # likewise
 
-    rows: ClassVar[bool] = False  # whether a sample is a row, not a column
+    rows: ClassVar[bool] = False  # whether samples are rows, not columns
 
     @classmethod
     def initial(
         cls, models: int, sizes: Sequence[int], generator: torch.Generator, normalised: bool = False
     ) -> Self:
-        """M networks to be trained: weights normal of variance 1 / inputs of their layer, biases 0.
+        """M untrained networks: normal weights with variance 1 / fan-in, zero biases.
 
-        `sizes`: number of inputs, nodes of each hidden layer, number of outputs; `normalised`: with batch
+        `sizes`: number of inputs, width of each hidden layer, number of outputs; `normalised`: with batch
         normalisation.
         """
         hidden = [(models, size) for size in sizes[1:-1]] if normalised else []
@@ -73,10 +73,10 @@ class StackedLayers:
 
     @classmethod
     def uniform(cls, sizes: Sequence[int], generators: Sequence[torch.Generator]) -> Self:
-        """Networks to be trained whose weights and biases are uniform in +-1 / sqrt(inputs of the layer).
+        """Untrained networks with weights and biases uniform in +-1 / sqrt(fan-in).
 
-        This is torch's default, from which the dissertation's models of dynamics start. `sizes`: as
-        `initial`; `generators`: one per model, so that its start does not depend on the others.
+        This is torch's default, which the dissertation's dynamics models use. `sizes`: as in `initial`;
+        `generators`: one per model, so that its start does not depend on the others.
         """
         drawn = [
             [
@@ -93,7 +93,7 @@ class StackedLayers:
 
     @property
     def models(self) -> int:
-        """M."""
+        """Number of models M."""
         return len(self.weights[0])
 
     def parameters(self) -> list[Tensor]:
@@ -101,15 +101,15 @@ class StackedLayers:
         return [*self.weights, *self.biases, *self.scales]
 
     def forward(self, inputs: Tensor, training: bool = False, dropout: Dropout | None = None) -> Tensor:
-        """Outputs (M, K, B) of inputs (M, D, B); see `activations`."""
+        """Outputs (M, K, B) at inputs (M, D, B); see `activations`."""
         return self.output([inputs, *self.activations(inputs, training, dropout)][-1])
 
     def activations(
         self, inputs: Tensor, training: bool = False, dropout: Dropout | None = None
     ) -> list[Tensor]:
-        """Values (M, nodes, B) of each hidden layer at inputs (M, D, B).
+        """Activations (M, nodes, B) of each hidden layer at inputs (M, D, B).
 
-        `training`: whether nodes are dropped, and batch statistics are used and kept.
+        `training`: whether to apply dropout, and to use and update batch statistics.
         """
         values = []
         dropping = dropout if training and dropout is not None and dropout.share > 0.0 else None
@@ -120,11 +120,11 @@ class StackedLayers:
         return values
 
     def output(self, last: Tensor) -> Tensor:
-        """Outputs (M, K, B) of the last hidden layer's values."""
+        """Outputs (M, K, B) from the last hidden layer's activations."""
         return self._affine(-1, last)
 
     def part(self, models: slice) -> Self:
-        """Some of the networks; they share their parameters with these."""
+        """Subset of the networks, sharing their parameters."""
         return type(self)(
             **{name: tuple(values[models] for values in found) for name, found in vars(self).items()}
         )
@@ -139,13 +139,13 @@ class StackedLayers:
 
     @torch.no_grad()
     def set_layers_of(self, model: int, layers: Sequence[tuple[np.ndarray, np.ndarray]]) -> None:
-        """Set weights and biases of one network, as `layers_of` returns them."""
+        """Set weights and biases of one network, in the form of `layers_of`."""
         for weights, biases, found in zip(self.weights, self.biases, layers, strict=True):
             weights[model] = torch.tensor(found[0].T if self.rows else found[0])
             biases[model] = torch.tensor(found[1]).view_as(biases[model])
 
     def to_arrays(self, prefix: str = "") -> dict[str, Tensor]:
-        """All tensors by field and layer, e.g. `weights.0`, with a prefix, without gradients."""
+        """All tensors by field and layer, e.g. `weights.0`, with a prefix, detached."""
         return {
             f"{prefix}{name}.{place}": values.detach()
             for name, found in vars(self).items()
@@ -154,7 +154,7 @@ class StackedLayers:
 
     @classmethod
     def from_arrays(cls, arrays: Mapping[str, Tensor], prefix: str = "") -> Self:
-        """The inverse of `to_arrays`; KeyError if there are no arrays of this prefix."""
+        """The inverse of `to_arrays`. Raises KeyError: there are no arrays with this prefix."""
         found = {}
         for name in (field.name for field in fields(cls)):
             count = sum(key.startswith(f"{prefix}{name}.") for key in arrays)
@@ -173,12 +173,12 @@ class StackedLayers:
         return self
 
     def _affine(self, place: int, values: Tensor, factor: float = 1.0) -> Tensor:
-        """A layer's W x + b, times a factor that costs nothing in the product."""
+        """W x + b of a layer, scaled by a factor at no extra cost."""
         factors = (values, self.weights[place]) if self.rows else (self.weights[place], values)
         return torch.baddbmm(self.biases[place], *factors, beta=factor, alpha=factor)
 
     def _doubled_input(self, place: int, values: Tensor, training: bool) -> Tensor:
-        """Twice what goes into the tanh of a hidden layer."""
+        """Twice the input of a hidden layer's tanh."""
         if not self.scales:
             return self._affine(place, values, 2.0)
         values = torch.bmm(self.weights[place], values)
@@ -197,12 +197,12 @@ class StackedLayers:
 class RowLayers(StackedLayers):
     """Layers for samples as rows, (M, B, D) -> (M, B, K), without batch normalisation.
 
-    Weights are (M, before, after), biases (M, 1, after). A batch gathered from a table is not transposed.
+    Weights are (M, before, after), biases (M, 1, after). Batches gathered from a table need no transposition.
     """
 
     rows = True
 
 
 def tanh_of_half(doubled: Tensor, factor: Tensor | float = 1.0) -> Tensor:
-    """tanh(x) of 2 x, times a factor, as 2 (sigmoid(2 x) - 1/2): torch's own takes thrice as long."""
+    """tanh(x) from 2 x, times a factor, as 2 (sigmoid(2 x) - 1/2): three times faster than torch's own."""
     return (torch.sigmoid(doubled) - 0.5) * (2.0 * factor)

@@ -12,7 +12,7 @@ from structlearn.core.params import Parameters
 
 
 class AdamParameters(Parameters):
-    """Adam. Fields: `params.yaml`, `train_dynamics.learning.networks`."""
+    """Parameters of Adam. Fields: `params.yaml`, `train_dynamics.learning.networks`."""
 
     rate: float = Field(gt=0)
     batch: int = Field(ge=1)
@@ -20,18 +20,18 @@ class AdamParameters(Parameters):
 
 
 def as_tensor(values: np.ndarray) -> Tensor:
-    """An array in single precision, which suffices for training networks."""
+    """Tensor in single precision, which suffices for training networks."""
     return torch.tensor(values, dtype=torch.float32)
 
 
 def seeded(seed: int) -> torch.Generator:
-    """Source of initial weights, batches and dropout masks."""
+    """Generator for initial weights, batches and dropout masks."""
     return torch.Generator().manual_seed(seed)
 
 
 @contextmanager
 def one_thread() -> Iterator[None]:
-    """Let torch use one thread in the body: small networks lose more to threads than they win."""
+    """Restrict torch to one thread: for small networks, threads cost more than they gain."""
     threads = torch.get_num_threads()
     torch.set_num_threads(1)
     try:
@@ -40,16 +40,16 @@ def one_thread() -> Iterator[None]:
         torch.set_num_threads(threads)
 
 
-SMALLEST_ROOT = 1e-8  # added to the root mean square of a gradient, so that a weight without one stays
+SMALLEST_ROOT = 1e-8  # added to the RMS of a gradient, so that weights without a gradient do not move
 
 
 class RootMeanSquarePropagation:
     """RMSProp: a step of the learning rate, divided by the running root mean square of each gradient.
 
-    The rule is torch's, on all weights as one vector: for many small tensors, torch's optimiser spends a
-    fifth of a training step in calls. `parameters`: leaves; they become views of the vector; `rate`: step of
-    a weight whose gradient keeps its size, may change between steps; `decay`: of the mean squared gradient,
-    per step.
+    Same rule as torch's, applied to all weights as one vector: for many small tensors, torch's optimiser
+    spends a fifth of a training step on calls. `parameters`: leaves, which become views of the vector;
+    `rate`: step of a weight whose gradient is constant, may change between steps; `decay`: of the mean
+    squared gradient, per step.
     """
 
     def __init__(self, parameters: Sequence[Tensor], rate: float, decay: float):
@@ -63,7 +63,7 @@ class RootMeanSquarePropagation:
 
     @torch.no_grad()
     def step(self, loss: Tensor) -> None:
-        """One step down the gradient of a loss."""
+        """Take one step down the gradient of a loss."""
         gradients = torch.autograd.grad(loss, self.parameters)
         gradient = torch.cat([values.flatten() for values in gradients])
         self.mean_square.mul_(self.decay).addcmul_(gradient, gradient, value=1.0 - self.decay)

@@ -1,6 +1,6 @@
 """Path integral policy improvement, and the refinement of feedback models with it (IV.7).
 
-The public names are listed in the stub beside this file, and loaded when first used.
+The public names are in the stub beside this file; their modules load on first use.
 """
 
 import lazy_loader

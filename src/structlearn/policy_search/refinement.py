@@ -1,18 +1,18 @@
 """Reinforcement learning of a feedback model in a new setting (dissertation IV.7, algorithm IV.3).
 
-    1. execute with the current network; so many times:
-    2. compress what it did into an open-loop policy, one weight per phase kernel
+    1. execute with the current network; then repeat:
+    2. compress the executions into an open-loop policy, one weight per phase kernel
     3. draw policies around it, execute each, and update the policy by PI2-CMA
-    4. execute the improved policy and add what was felt and done to the demonstrations
-    5. train the network anew from the initial one on old and new data, and execute it
+    4. execute the improved policy, and add its deviations and coupling terms to the demonstrations
+    5. retrain the network from the initial one on old and new data, and execute it
 
 The search runs in the 25 weights of the policy, not in the thousands of the network, and the network keeps
-the demonstrations of the old settings in its data, so it does not forget them. Primitives are refined one by
-one, while those before run with what they have learned.
+the demonstrations of the old settings in its data, so it does not forget them. Primitives are refined one
+after another, the earlier ones running with what they have learned.
 
-The text ends at a threshold of the cost, whose value it does not give. Here the number of iterations is
-given, which shows what later ones gain. An iteration may raise the cost, so the network of the cheapest one
-is kept, and the next begins from it. Every rollout is recorded, failed ones with their fault.
+The text stops at a threshold of the cost, whose value it does not state. Here the number of iterations is
+given, which shows what later ones gain. An iteration may increase the cost, so the network of the cheapest
+one is kept, and the next iteration starts from it. Every rollout is recorded, failed ones with their fault.
 """
 
 from collections.abc import Callable, Sequence
@@ -39,26 +39,26 @@ FEEDBACK, SAMPLE, IMPROVED = "feedback", "sample", "improved"
 
 @dataclass(frozen=True)
 class Rollout:
-    """One execution of the primitive that is refined."""
+    """One execution of the primitive being refined."""
 
-    cost: np.ndarray  # (T,) rad per tick; NaN throughout where it failed
-    samples: CouplingDataset | None  # as supervised data; None where it failed or samples were not needed
-    fault: str = ""  # why it failed, or empty
+    cost: np.ndarray  # (T,) rad per tick; all NaN if it failed
+    samples: CouplingDataset | None  # supervised data; None if it failed or samples were not needed
+    fault: str = ""  # reason of failure, or empty
 
 
 class Environment(Protocol):
-    """Where the primitive is executed; `seeds` decide what a run meets, and repeat it exactly."""
+    """Where the primitive is executed; `seeds` determine the conditions of a run, reproducibly."""
 
     @property
     def rate_hz(self) -> float:
         """Ticks per second of the costs."""
 
     def rollouts(self, networks: Sequence[CouplingModel], seeds: Sequence[tuple[int, ...]]) -> list[Rollout]:
-        """Execute once per network, each with its seed, and report failures instead of raising them."""
+        """Execute once per network, each with its seed; failures are reported, not raised."""
 
 
 def succeeded(runs: Sequence[Rollout], what: str, fewest: int = 1) -> list[Rollout]:
-    """The runs that did not fail. Raises InputError: with the first fault, if there are too few."""
+    """Runs without a fault. Raises InputError: too few, with the first fault."""
     done = [run for run in runs if not run.fault]
     if len(done) < fewest:
         fault = next(run.fault for run in runs if run.fault)
@@ -75,13 +75,13 @@ def cost_matrix(runs: Sequence[Rollout]) -> np.ndarray:
 
 
 def kernel_activation(steps: int, kernel_count: int = KERNEL_COUNT) -> np.ndarray:
-    """How much each weight of an open-loop policy acts at every tick of a primitive: |G_i(p, u)|, (T, N)."""
+    """Activation |G_i(p, u)| (T, N) of each weight of an open-loop policy at every tick of a primitive."""
     p, u = canonical.phase(np.linspace(0.0, 1.0, steps), canonical.TAU_PER_DURATION)
     return np.abs(features(p, u, kernel_count))
 
 
 def history_rows(runs: Sequence[Rollout], iteration: int, kind: str) -> pd.DataFrame:
-    """One row per rollout; `cost_rad` (accumulated) and `norm_rad` are NaN where it failed."""
+    """One row per rollout; `cost_rad` (accumulated) and `norm_rad` are NaN if it failed."""
     rows = [
         (iteration, kind, number, float(np.sum(run.cost)), float(np.linalg.norm(run.cost)), run.fault)
         for number, run in enumerate(runs)
@@ -90,9 +90,9 @@ def history_rows(runs: Sequence[Rollout], iteration: int, kind: str) -> pd.DataF
 
 
 def sample_rows(runs: Sequence[Rollout], iteration: int, kind: str, rate_hz: float) -> pd.DataFrame:
-    """Samples of the rollouts that did not fail, of which there must be one.
+    """Samples of the rollouts without a fault (at least one).
 
-    One row per sample: `iteration`, `kind`, `number`, the columns of `to_table`, and `cost_rad`; in single
+    One row per sample: `iteration`, `kind`, `number`, the columns of `to_table`, and `cost_rad`, in single
     precision, since they are for figures and recordings.
     """
     keys = {"iteration": iteration, "kind": kind}
@@ -108,9 +108,9 @@ def sample_rows(runs: Sequence[Rollout], iteration: int, kind: str, rate_hz: flo
 
 
 SMALLEST_SINGULAR_VALUE = 1e-4
-"""Relative to the largest; smaller ones belong to kernels that the vanishing phase velocity hides."""
+"""Relative to the largest; smaller ones belong to kernels where the phase velocity vanishes."""
 
-KNOWN = 5  # Second number of the seeds of `executed`; 0 to 4 are the kinds of rollouts and the searches
+KNOWN = 5  # second number of the seeds of `executed`; 0 to 4 are the kinds of rollouts and the searches
 
 
 class RefinementParameters(Parameters):
@@ -129,12 +129,12 @@ class Progress:
     """State after an iteration; all that the next one needs."""
 
     iteration: int  # 0 before the first update
-    network: CouplingModel  # the feedback model of the iteration that cost least so far
+    network: CouplingModel  # feedback model of the cheapest iteration so far
     covariance: np.ndarray  # (N, N) of the search
-    history: pd.DataFrame  # of all rollouts so far, see `history_rows`
+    history: pd.DataFrame  # all rollouts so far, see `history_rows`
     policies: np.ndarray  # (R, N) weights of the open-loop rollouts in the history's order, for inspection
     samples: pd.DataFrame  # of all rollouts so far, see `sample_rows`; for inspection
-    compressed: np.ndarray  # what the executions with this network amount to as a policy, (N,)
+    compressed: np.ndarray  # (N,) open-loop policy equivalent to the executions with this network
 
     @property
     def kept(self) -> int:
@@ -175,8 +175,8 @@ def improve(
 ) -> Progress:
     """One iteration of algorithm IV.3.
 
-    `initial`: from which the network is trained anew. Raises InputError: fewer than two policies could be
-    executed, or the improved policy or the network not once.
+    `initial`: the network that retraining starts from. Raises InputError: fewer than two policies succeeded,
+    or no execution of the improved policy or of the network.
     """
     iteration = progress.iteration + 1
     rng = np.random.default_rng([seed, iteration])
@@ -220,7 +220,7 @@ def refine(
 ) -> Progress:
     """Refine a feedback model; `exploration`: initial std of the policy's weights.
 
-    `report`: called with the state after every iteration, the 0th included.
+    `report`: called with the state after every iteration, including the 0th.
     """
     progress = start(environment, initial, parameters, exploration)
     report(progress)
@@ -231,27 +231,28 @@ def refine(
 
 
 def executed(environment: Environment, policy: np.ndarray, runs: int) -> CouplingDataset:
-    """Samples of executions of an open-loop policy (N,) in a setting where it is right.
+    """Samples of executions of an open-loop policy (N,) in the setting for which it is right.
 
-    In people's demonstrations a hand on the robot is felt too. As the improved policy of a new setting is
-    executed, so are the right ones of known settings; else the network would take the difference between hand
-    and no hand for one between settings. Raises InputError: all executions failed.
+    In human demonstrations the sensor also feels the hand on the robot. Since the improved policy of a new
+    setting is executed without a hand, so are the right policies of known settings; otherwise the network
+    would mistake the difference between hand and no hand for one between settings. Raises InputError: all
+    executions failed.
     """
     seeds = [(0, KNOWN, number) for number in range(runs)]
     return learnable(environment.rollouts([open_loop(policy)] * runs, seeds), "executions in a known setting")
 
 
 def learnable(runs: Sequence[Rollout], what: str) -> CouplingDataset:
-    """Samples of the executions that did not fail, of which there must be one; numbered down from -1."""
+    """Samples of the executions without a fault (at least one), numbered -1, -2, ..."""
     samples = [run.samples for run in succeeded(runs, what) if run.samples is not None]
     numbers = np.repeat(-1 - np.arange(len(samples)), [len(part.target) for part in samples])
     return replace(concatenated(samples), demonstration=numbers)
 
 
 def compress(runs: Sequence[Rollout], kernel_count: int = KERNEL_COUNT) -> np.ndarray:
-    """Weights (N,) of the open-loop policy nearest to executions on average (algorithm IV.3, line 4).
+    """Weights (N,) of the open-loop policy nearest to the executions on average (algorithm IV.3, line 4).
 
-    Failed ones are left out. Raises InputError: all failed.
+    Failed executions are left out. Raises InputError: all failed.
     """
     return open_loop_weights(learnable(runs, "executions with the network"), kernel_count)
 
@@ -265,7 +266,7 @@ def open_loop_weights(samples: CouplingDataset, kernel_count: int = KERNEL_COUNT
 def _execute(
     environment: Environment, networks: Sequence[CouplingModel], iteration: int, kind: str
 ) -> list[Rollout]:
-    """Executions; networks meet equal conditions in all iterations, so that iterations are pairs."""
+    """Executions; conditions of the runs are the same in all iterations, which makes iterations paired."""
     place = (FEEDBACK, SAMPLE, IMPROVED).index(kind)
     which = 0 if kind == FEEDBACK else iteration
     return environment.rollouts(networks, [(which, place, number) for number in range(len(networks))])

@@ -1,12 +1,12 @@
-"""Sample efficiency of the policy search: PI2-CMA beside plain CMA-ES, with the same budget of rollouts.
+"""Sample efficiency of the policy search: PI2-CMA against plain CMA-ES, with the same budget of rollouts.
 
 Both search the weights of an open-loop policy from the same normal distribution, without training in between.
-PI2-CMA sees the cost of every time step, CMA-ES the sum. CMA-ES is that of its authors' package `cma`, with
-its default population size. The n-th rollouts of equal seeds meet equal conditions, and both methods begin
+PI2-CMA sees the cost of every time step, CMA-ES the sum. CMA-ES is its authors' package `cma` with its
+default population size. The n-th rollouts with equal seeds have the same conditions, and both methods start
 with the same random numbers.
 
-Only whole updates are made: the rest of the budget is not used. A rollout that failed counts. PI2-CMA leaves
-it out; for CMA-ES, which only ranks, it is the worst.
+Only whole updates are made; the rest of the budget is unused. Failed rollouts count. PI2-CMA leaves them out;
+for CMA-ES, which only ranks, they are the worst.
 """
 
 from collections.abc import Sequence
@@ -34,14 +34,14 @@ from structlearn.policy_search.refinement import (
 if TYPE_CHECKING:
     import cma
 
-PI2, CMA_ES = "pi2", "cma_es"  # Names of the methods
+PI2, CMA_ES = "pi2", "cma_es"  # names of the methods
 
 SEARCHED, JUDGED = 3, 4
-"""Second numbers of the rollouts' seeds: for an update, and of a mean policy; 0 to 2 are the refinement's."""
+"""Second numbers of the rollouts' seeds, for updates and for mean policies; 0 to 2 are the refinement's."""
 
 
 class ComparisonParameters(Parameters):
-    """How the searches are compared."""
+    """Budget and seeds of the comparison of searches."""
 
     budget: int = Field(ge=1)
     seeds: int = Field(ge=1)
@@ -58,7 +58,7 @@ class PathIntegralSearch:
 
     @property
     def count(self) -> int:
-        """Rollouts per update, K."""
+        """Rollouts per update K."""
         return self.parameters.samples
 
     @property
@@ -67,7 +67,7 @@ class PathIntegralSearch:
         return self.distribution.mean
 
     def propose(self) -> np.ndarray:
-        """(K, N) weights of the policies to be rolled out."""
+        """(K, N) weights of the policies to execute."""
         return pi2.sample(self.distribution, self.count, self.rng)
 
     def learn(self, policies: np.ndarray, runs: Sequence[Rollout]) -> None:
@@ -85,20 +85,20 @@ class EvolutionStrategy:
 
     @classmethod
     def around(cls, mean: np.ndarray, std: float, rng: np.random.Generator) -> Self:
-        """Begin with independent weights around a mean (N,); `rng` replaces numpy's global random numbers."""
+        """Start with independent weights around a mean (N,); `rng` replaces numpy's global generator."""
         import cma
 
         options = {
             "randn": lambda count, size: rng.standard_normal((count, size)),
-            "seed": np.nan,  # leave the global random numbers alone
-            "verbose": -10,  # neither prints nor reads options from the working directory
-            "verb_log": 0,  # writes no files
+            "seed": np.nan,  # leaves the global generator alone
+            "verbose": -10,  # no printing, no options read from the working directory
+            "verb_log": 0,  # no files
         }
         return cls(cma.CMAEvolutionStrategy(mean, std, options))
 
     @property
     def count(self) -> int:
-        """Rollouts per update, K = 4 + floor(3 log N)."""
+        """Rollouts per update K = 4 + floor(3 log N)."""
         return self.strategy.popsize
 
     @property
@@ -107,13 +107,13 @@ class EvolutionStrategy:
         return np.array(self.strategy.mean)
 
     def propose(self) -> np.ndarray:
-        """(K, N) weights of the policies to be rolled out."""
+        """(K, N) weights of the policies to execute."""
         return np.array(self.strategy.ask())
 
     def learn(self, policies: np.ndarray, runs: Sequence[Rollout]) -> None:
-        """Update by the accumulated costs; failed rollouts are behind the worst of the others."""
+        """Update by the accumulated costs; failed rollouts rank behind all others."""
         costs = np.array([_accumulated(run) for run in runs])
-        behind = np.nanmax(costs) + 1.0  # finite, which the package asks for; only the order matters
+        behind = np.nanmax(costs) + 1.0  # finite, as the package requires; only the order matters
         self.strategy.tell(list(policies), np.where(np.isnan(costs), behind, costs).tolist())
 
 
@@ -122,12 +122,12 @@ Search = PathIntegralSearch | EvolutionStrategy
 
 @dataclass
 class Trial:
-    """One search and what it has come to."""
+    """One search and its results so far."""
 
     method: str
-    seed: int  # of its random numbers and of what its rollouts meet
+    seed: int  # of its random numbers and of its rollouts' conditions
     search: Search
-    # accumulated cost of every rollout so far in rad, NaN where it failed
+    # accumulated cost of every rollout so far in rad, NaN if it failed
     costs: list[float] = field(default_factory=list)
     means: list[np.ndarray] = field(default_factory=list)  # (N,) mean policy after every update so far
 
@@ -140,13 +140,13 @@ def compare(
     parameters: ComparisonParameters,
     first_seed: int = 0,
 ) -> pd.DataFrame:
-    """Run all searches in lock-step from a policy `start` (N,), and judge their mean policies.
+    """Run all searches in lock-step from a policy `start` (N,), and evaluate their mean policies.
 
     One row per `method`, `seed` and `update` (0 is the start): `rollouts` (used so far), `cost_rad`
-    (accumulated, mean over the mean policy's executions, which meet the same conditions in all rows; NaN if
-    one failed), `best_rad` (lowest accumulated cost of any rollout so far; NaN at the start), `failed`
-    (rollouts so far). Raises InputError: the budget is not enough for one update, or fewer than two rollouts
-    of one succeeded.
+    (accumulated, mean over executions of the mean policy under conditions that are the same in all rows; NaN
+    if one failed), `best_rad` (lowest accumulated cost of any rollout so far; NaN at the start), `failed`
+    (rollouts so far). Raises InputError: the budget is less than one update, or fewer than two rollouts of an
+    update succeeded.
     """
     trials = []
     for method, seed in product((PI2, CMA_ES), range(first_seed, first_seed + parameters.seeds)):
@@ -172,7 +172,7 @@ def compare(
 
 
 def _advance(environment: Environment, trials: Sequence[Trial]) -> None:
-    """One update of every search; all their rollouts in one call, so that they fill the cores."""
+    """One update of every search; their rollouts are executed in one call, to use all cores."""
     proposed = [trial.search.propose() for trial in trials]
     seeds = [
         (trial.seed, SEARCHED, len(trial.costs) + number)
@@ -190,7 +190,7 @@ def _advance(environment: Environment, trials: Sequence[Trial]) -> None:
 
 
 def _accumulated(run: Rollout) -> float:
-    """Cost of the whole primitive in rad, NaN where it failed."""
+    """Cost of the whole primitive in rad; NaN if it failed."""
     return float(np.sum(run.cost)) if not run.fault else np.nan
 
 

@@ -11,8 +11,8 @@ import numpy as np
 ALPHA_U = 25.0
 
 TAU_PER_DURATION = 2.0
-"""tau = 2 x duration: the phase is then spent (p = 0.0140) when the movement ends. With tau = duration it
-would be spent in the first half, and most kernels would be bunched in the last samples."""
+"""tau = 2 x duration, so that the phase has decayed (p = 0.0140) when the movement ends. With tau = duration
+it would decay in the first half, and most kernels would be bunched in the last samples."""
 
 
 def time_constant(duration: float) -> float:

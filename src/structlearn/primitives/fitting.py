@@ -1,4 +1,4 @@
-"""Primitives from segmented demonstrations (IV.5.4), and how well they reproduce them."""
+"""Fit primitives to segmented demonstrations (IV.5.4), and measure how well they reproduce them."""
 
 from collections.abc import Mapping, Sequence
 from typing import get_args
@@ -32,14 +32,14 @@ class FitParameters(Parameters):
 
 
 REPRODUCTION_ERRORS = ("mean_mm", "max_mm", "end_mm", "mean_deg", "max_deg", "end_deg")
-"""Columns of the errors; those in degrees only with orientations."""
+"""Columns of reproduction errors; those in degrees exist only with orientations."""
 
 Segment = tuple[Trajectory, OrientationTrajectory | None]
 """Position and, where recorded, orientation of one primitive in one demonstration."""
 
 
 def whole(demonstrations: Sequence[Demonstration]) -> pd.DataFrame:
-    """Cuts of demonstrations that are one primitive from start to end: index demonstration."""
+    """Cuts of demonstrations that are a single primitive from start to end: index demonstration."""
     ends = [(0.0, float(demonstration.time[-1])) for demonstration in demonstrations]
     names = pd.Index([demonstration.name for demonstration in demonstrations], name="demonstration")
     return pd.DataFrame(ends, columns=["start_s", "end_s"], index=names)
@@ -48,7 +48,7 @@ def whole(demonstrations: Sequence[Demonstration]) -> pd.DataFrame:
 def segment_paths(
     demonstrations: Sequence[Demonstration], cuts: pd.DataFrame, smoothing_hz: float
 ) -> list[Segment]:
-    """One primitive's part of every demonstration that is in the cuts, smoothed before it is cut.
+    """One primitive's segment of every demonstration in the cuts; demonstrations are smoothed before cutting.
 
     `cuts`: index demonstration, columns `start_s`, `end_s`. Raises InputError: a segment has fewer than three
     samples, or some demonstrations have no orientation.
@@ -71,7 +71,7 @@ def segment_paths(
 
 
 def orientations(segments: Sequence[Segment]) -> list[OrientationTrajectory]:
-    """Orientations of segments that all have one. Raises InputError: one has none."""
+    """Orientations of segments. Raises InputError: a segment has none."""
     found = [orientation for _, orientation in segments if orientation is not None]
     if len(found) < len(segments):
         raise InputError("a segment has no orientation")
@@ -79,7 +79,7 @@ def orientations(segments: Sequence[Segment]) -> list[OrientationTrajectory]:
 
 
 def learn_primitive(name: str, segments: Sequence[Segment], parameters: FitParameters) -> PosePrimitive:
-    """One primitive from its segments, one per demonstration; with orientation where that was recorded."""
+    """Fit one primitive to its segments, one per demonstration; with orientation if it was recorded."""
     positions, turns = zip(*segments, strict=True)
     choice = (parameters.regression, parameters.kernel_count)
     orientation = fit_orientation(orientations(segments), *choice) if any(turns) else None
@@ -89,9 +89,9 @@ def learn_primitive(name: str, segments: Sequence[Segment], parameters: FitParam
 def learn_sequence(
     demonstrations: Sequence[Demonstration], cuts: Mapping[str, pd.DataFrame], parameters: FitParameters
 ) -> list[PosePrimitive]:
-    """All primitives of segmented demonstrations, in order (IV.5.4).
+    """Fit all primitives of segmented demonstrations, in order (IV.5.4).
 
-    `cuts`: of these demonstrations by primitive in order of time, each as `segment_paths` takes them.
+    `cuts`: by primitive in order of time, each as in `segment_paths`.
     """
     return [
         learn_primitive(name, segment_paths(demonstrations, its, parameters.smoothing_hz), parameters)
@@ -105,12 +105,11 @@ def cross_validation(
     parameters: FitParameters,
     fold: int = 1,
 ) -> pd.DataFrame:
-    """Reproduction errors of demonstrations that were learned from and of ones that were left out.
+    """Reproduction errors on training demonstrations and on left-out ones, for both regressions.
 
-    `cuts`: as `learn_sequence`; both regressions are tried. `fold`: neighbouring demonstrations that are left
-    out together, at most half of them. Returns rows of `reproduction_errors` with `primitive`,
-    `demonstration`, `regression` and `left_out`: False where the primitive was learned from all
-    demonstrations, True where from all but those of this fold.
+    `cuts`: as in `learn_sequence`. `fold`: number of consecutive demonstrations left out together, at most
+    half of them. Returns rows of `reproduction_errors` with `primitive`, `demonstration`, `regression` and
+    `left_out`: False if the primitive was learned from all demonstrations, True if without this fold.
     """
     tables = []
     for name, its in cuts.items():
@@ -163,10 +162,10 @@ def reproduction_errors(primitive: PosePrimitive, segments: Sequence[Segment]) -
 
 
 def reproduction_summary(errors: pd.DataFrame) -> pd.DataFrame:
-    """Errors of `cross_validation` over all demonstrations: means of the mean errors, largest of the others.
+    """Errors of `cross_validation` over all demonstrations: means of mean errors, maxima of the others.
 
-    One row per `primitive` (in order of time), `regression` and `left_out`, with the columns
-    `REPRODUCTION_ERRORS` that there are.
+    One row per `primitive` (in order of time), `regression` and `left_out`, with the columns of
+    `REPRODUCTION_ERRORS` that are present.
     """
     known = [column for column in REPRODUCTION_ERRORS if column in errors.columns]
     how = {column: "mean" if column.startswith("mean") else "max" for column in known}
@@ -180,5 +179,5 @@ def reproduction_summary(errors: pd.DataFrame) -> pd.DataFrame:
 
 
 def _overall_nmse(prediction: np.ndarray, target: np.ndarray) -> float:
-    """Squared error over all axes / variance over all axes: (T, D), (T, D); a resting axis does no harm."""
+    """NMSE over all axes together, (T, D) each: axes without motion cause no division by zero."""
     return float(np.sum((prediction - target) ** 2) / np.sum((target - target.mean(axis=0)) ** 2))

@@ -5,8 +5,8 @@
 The centres are equally spaced in time, so every part of the movement has the same resolution. The same
 kernels modulate the phase-modulated neural network.
 
-The features depend on the time only through the fraction of the movement that has passed, so demonstrations
-with the same number of samples share them in the regression, and all axes and demonstrations go through one
+The features depend on time only through the elapsed fraction of the movement. Demonstrations with the same
+number of samples therefore share them in the regression, and all axes and demonstrations go through one
 matrix product.
 """
 
@@ -19,17 +19,16 @@ import numpy as np
 from structlearn.primitives.canonical import TAU_PER_DURATION, phase
 
 KERNEL_COUNT = 25
-OVERLAP = 0.55  # Width of a kernel in units of the distance to the next centre
+OVERLAP = 0.55  # width of a kernel in units of the distance to the next centre
 SMALLEST_EXPONENT = -700.0
-"""exp(-700) is negligible beside the nearest kernel's 1, and exp is three times slower where it
-underflows."""
+"""exp(-700) is negligible beside the nearest kernel's 1, and exp is three times slower when it underflows."""
 
 
 @lru_cache
 def centres_and_widths(count: int) -> tuple[np.ndarray, np.ndarray]:
     """Centres c_i = p(t_i) (N,), falling from 1, and widths h_i = 1 / (OVERLAP (c_{i+1} - c_i))^2 (N,).
 
-    The last width repeats its neighbour's. `count`: number of kernels N, at least 2.
+    The last width equals the one before. `count`: number of kernels N, at least 2.
     """
     centres, _ = phase(np.linspace(0.0, 1.0, count), TAU_PER_DURATION)
     gaps = np.diff(centres)
@@ -47,7 +46,7 @@ def features(p: np.ndarray, u: np.ndarray, count: int = KERNEL_COUNT) -> np.ndar
     values = np.subtract.outer(centres, p)  # (N, ...), in place: temporaries would cost more than the exp
     values *= values
     values *= np.reshape(-0.5 * widths, (count, *[1] * np.ndim(p)))
-    values -= values.max(axis=0)  # far from all centres: no 0 / 0
+    values -= values.max(axis=0)  # avoids 0 / 0 far from all centres
     np.exp(np.maximum(values, SMALLEST_EXPONENT, out=values), out=values)
     values *= u / values.sum(axis=0)
     return np.moveaxis(values, 0, -1)
@@ -55,7 +54,7 @@ def features(p: np.ndarray, u: np.ndarray, count: int = KERNEL_COUNT) -> np.ndar
 
 @lru_cache(maxsize=64)
 def sampled_features(samples: int, step: float, count: int = KERNEL_COUNT) -> np.ndarray:
-    """Features (T, N) at T samples of a movement, read-only; equal movements share them.
+    """Features (T, N) at T samples of a movement, read-only; movements of equal length share the array.
 
     `step`: sampling interval / tau, dimensionless.
     """
@@ -72,8 +71,8 @@ def unit_features(samples: int, count: int = KERNEL_COUNT) -> np.ndarray:
 Regression = Literal["joint", "local"]
 
 RIDGE = 1e-8
-"""Ridge of the joint regression, relative to the mean diagonal of the normal equations: it only settles the
-first kernel, which the vanishing phase velocity hides."""
+"""Ridge of the joint regression, relative to the mean diagonal of the normal equations: it only determines
+the first kernel's weight, since the phase velocity vanishes there."""
 
 
 def forcing_weights(
@@ -86,8 +85,8 @@ def forcing_weights(
 
     `targets`: per demonstration (T_l, D) forcing targets on a uniform clock from start to end. `scales`:
     (L, D) amplitude of each demonstration's forcing term relative to the primitive's; None: 1. `method`:
-    `joint`: ridge least squares over all kernels, as in the text. `local`: each kernel alone, weighted by its
-    activation (locally weighted regression).
+    `joint`: ridge least squares over all kernels, as in the text; `local`: each kernel by itself, weighted by
+    its activation (locally weighted regression).
     """
     if scales is None:
         scales = np.ones((len(targets), targets[0].shape[1]))

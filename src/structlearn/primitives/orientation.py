@@ -1,10 +1,10 @@
-"""Quaternion primitive, as published: errors by the logarithm of the short way (eq. IV.2, IV.9, IV.11).
+"""Quaternion primitive, as published: errors are logarithms of the shorter rotation (eq. IV.2, IV.9, IV.11).
 
     tau^2 wd = ALPHA (BETA 2 log(Q_g o Q*) - tau w) + f + c        Q(t + dt) = exp(w dt / 2) o Q(t)
     tau w_g = ALPHA_G 2 log(Q_G o Q_g*)
 
-Good for movements that turn less than half a circle; beyond, see `twist_swing`. One step uses the same exact
-transition as the vector system in the tangent space of the current orientation, so a rotation about a fixed
+Suitable for movements that turn by less than 180 degrees; beyond, see `twist_swing`. One step uses the exact
+transition of the vector system in the tangent space of the current orientation, so a rotation about a fixed
 axis is integrated exactly.
 """
 
@@ -24,10 +24,10 @@ from structlearn.primitives.vector import ForcedPrimitive, mean_initial_state
 
 @dataclass(frozen=True)
 class QuaternionPrimitive(ForcedPrimitive[OrientationTrajectory]):
-    """Learned movement of an orientation that turns less than half a circle: rad instead of m."""
+    """Learned orientation movement of less than half a turn; coordinates are rad instead of m."""
 
     def forcing(self, times: np.ndarray, duration: float) -> np.ndarray:
-        """Forcing term (..., T, 3) at times (T,) in s of a movement of the given duration in s."""
+        """Forcing term (..., T, 3) at times (T,) s of a movement that takes `duration` s."""
         p, u = canonical.phase(times, canonical.time_constant(duration))
         return kernels.features(p, u, self.weights.shape[-2]) @ self.weights
 
@@ -42,7 +42,7 @@ def fit_quaternion(
     method: kernels.Regression = "joint",
     kernel_count: int = kernels.KERNEL_COUNT,
 ) -> QuaternionPrimitive:
-    """Learn a quaternion primitive from one or several demonstrations of any durations.
+    """Fit a quaternion primitive to one or several demonstrations of any durations.
 
     `demonstrations`: each with (T_l, 4) orientations.
     """
@@ -63,9 +63,9 @@ def initial_goal(
 ) -> np.ndarray:
     """Evolving goal Q_g0 (..., 4) at which the system starts with a given acceleration (eq. IV.13, IV.14).
 
-    A goal further than half a turn away cannot be told from one on the other side: the initial acceleration
-    is met as long as |(tau^2 wd - f) / ALPHA + tau w| / BETA < pi. `orientation`: (..., 4). `velocity`,
-    `acceleration`: (..., 3) rad/s, rad/s^2. `forcing`: (..., 3) f + c at the start.
+    The initial acceleration is met while |(tau^2 wd - f) / ALPHA + tau w| / BETA < pi, since a goal further
+    than half a turn away is indistinguishable from one on the other side. `orientation`: (..., 4).
+    `velocity`, `acceleration`: (..., 3) rad/s, rad/s^2. `forcing`: (..., 3) f + c at the start.
     """
     vector = ((tau**2 * np.asarray(acceleration) - forcing) / ALPHA + tau * np.asarray(velocity)) / BETA
     return quaternion.product(quaternion.from_rotation_vector(vector), orientation)
@@ -81,7 +81,7 @@ def goal_path(goal: np.ndarray, first: np.ndarray, times: np.ndarray, tau: float
 
 
 def forcing_target(path: OrientationTrajectory, tau: float, goal: np.ndarray | None = None) -> np.ndarray:
-    """Forcing term that would reproduce a demonstration (eq. IV.9), (T, 3); `goal`: (4,), default its end."""
+    """Forcing term (T, 3) that reproduces a demonstration (eq. IV.9); `goal`: (4,), default its end."""
     first = initial_goal(path.orientation[0], path.angular_velocity[0], path.angular_acceleration[0], tau)
     goal = path.orientation[-1] if goal is None else goal
     error = quaternion.difference(goal_path(goal, first, path.time, tau), path.orientation)
@@ -130,12 +130,12 @@ _product = numba.njit(cache=True)(quaternion.product_components)
 
 Vector = tuple[float, float, float]
 Quaternion = tuple[float, float, float, float]
-"""What compiled functions return: unlike arrays, tuples need no memory."""
+"""Return types of compiled functions: unlike arrays, tuples need no allocation."""
 
 
 @numba.njit(cache=True)
 def difference(target: np.ndarray | Quaternion, q: np.ndarray | Quaternion) -> Vector:
-    """Rotation vector from q to the target the short way, `quaternion.difference` compiled."""
+    """Rotation vector from q to the target along the shorter rotation; `quaternion.difference` compiled."""
     r, x, y, z = _product(target, (q[0], -q[1], -q[2], -q[3]))
     sine = np.sqrt(x * x + y * y + z * z)
     factor = 2.0 if sine < 1e-12 else 2.0 * np.arctan2(sine, abs(r)) / sine
@@ -146,7 +146,7 @@ def difference(target: np.ndarray | Quaternion, q: np.ndarray | Quaternion) -> V
 
 @numba.njit(cache=True)
 def turned(q: np.ndarray, vector: np.ndarray | Vector) -> Quaternion:
-    """Q turned by a rotation vector, with norm 1."""
+    """Q rotated by a rotation vector, normalised."""
     angle = np.sqrt(vector[0] ** 2 + vector[1] ** 2 + vector[2] ** 2)
     factor = 0.5 if angle < 1e-12 else np.sin(0.5 * angle) / angle
     step = (np.cos(0.5 * angle), factor * vector[0], factor * vector[1], factor * vector[2])
@@ -170,9 +170,9 @@ def step_batch(
 ) -> None:
     """Record sample k, then advance q (B, 4), v = tau w (B, 3) and the evolving goal by one step in place.
 
-    The evolving goal is what remains of it, the rotation vector (B, 3) from the steady goal (B, 4), which
-    keeps its direction and falls exponentially (eq. IV.11). In the tangent space at q the orientation is the
-    origin, and the error is a known input, while the system's matrix accounts for the turning of q.
+    The goal's remaining error, a rotation vector (B, 3) from the steady goal (B, 4), keeps its direction and
+    decays exponentially (eq. IV.11). In the tangent space at q the orientation is the origin and the error a
+    known input, while the system's matrix accounts for the rotation of q.
     """
     batch, samples, _ = forcing.shape
     following = min(k + 1, samples - 1)

@@ -1,4 +1,4 @@
-"""Primitive of a Cartesian position in the local frame of its reach (IV.6.1)."""
+"""Primitive of a Cartesian position in its local frame, which is aligned with the reach (IV.6.1)."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -11,7 +11,7 @@ from structlearn.primitives.trajectory import Trajectory
 from structlearn.primitives.vector import VectorPrimitive, fit_vector
 
 SHORTEST_REACH = 0.01
-"""m; movements that end nearer to their start keep the base frame: their direction is mostly noise."""
+"""m; shorter reaches use the base frame, because their direction is mostly noise."""
 
 
 @dataclass(frozen=True)
@@ -40,9 +40,9 @@ class PositionPrimitive:
         until: float | None = None,
         frame: np.ndarray | None = None,
     ) -> Trajectory:
-        """Generate the movement in the base frame, (..., T, 3) m; arguments as of `VectorPrimitive.unroll`.
+        """Generate the movement in the base frame, (..., T, 3) m; arguments as in `VectorPrimitive.unroll`.
 
-        `coupling`: in the local frame and relative to the start. `frame`: (3, 3) local to base; default the
+        `coupling`: in the local frame, relative to the start. `frame`: (3, 3) local to base; default: the
         local frame from start to goal.
         """
         start = self.start if start is None else np.asarray(start, dtype=float)
@@ -67,10 +67,10 @@ def fit_position(
     method: kernels.Regression = "joint",
     kernel_count: int = kernels.KERNEL_COUNT,
 ) -> PositionPrimitive:
-    """Learn a position primitive; each demonstration is turned into its own local frame.
+    """Fit a position primitive; each demonstration is expressed in its own local frame.
 
-    `demonstrations`: each with (T_l, 3) signals in the base frame. `scaled`: local axes (x: along the reach)
-    whose forcing term scales with the reach.
+    `demonstrations`: (T_l, 3) signals in the base frame. `scaled`: local axes (x: along the reach) whose
+    forcing term scales with the reach.
     """
     start, goal = (np.mean([path.position[at] for path in demonstrations], axis=0) for at in (0, -1))
     kind = frame_kind(goal - start, SHORTEST_REACH)
@@ -80,10 +80,10 @@ def fit_position(
 
 
 def in_local_frame(trajectory: Trajectory, kind: FrameKind) -> Trajectory:
-    """A position path relative to its start, in the local frame from its start to its end."""
+    """Position path relative to its start, in the local frame of its start and end."""
     return from_start(trajectory, local_frame(trajectory.position[0], trajectory.position[-1], kind))
 
 
 def from_start(trajectory: Trajectory, axes: np.ndarray) -> Trajectory:
-    """A position path relative to its start, along the columns of axes (3, 3)."""
+    """Position path relative to its start, in axes given by the columns of `axes` (3, 3)."""
     return trajectory.shifted(-trajectory.position[0]).turned(axes)

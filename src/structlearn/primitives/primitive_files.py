@@ -1,6 +1,6 @@
-"""Primitives as safetensors: all arrays by name, and what is not a number in the description.
+"""Primitives as safetensors: all arrays by name, with non-numeric fields in the description.
 
-Names are `<primitive>.position.<array>` and `<primitive>.orientation.<array>`; lengths are in m, angles in
+Names are `<primitive>.position.<array>` and `<primitive>.orientation.<array>`. Lengths are in m, angles in
 rad, times in s, quaternions scalar-first, forcing weights in the unit of the coordinate.
 """
 
@@ -24,7 +24,7 @@ Tensors = dict[str, np.ndarray]
 
 
 class Kind(TypedDict):
-    """What is not a number of a pose primitive."""
+    """Non-numeric fields of a pose primitive."""
 
     name: str
     frame: FrameKind
@@ -40,7 +40,7 @@ def write_primitives(primitives: Sequence[PosePrimitive], path: str | Path) -> N
 def read_primitives(path: str | Path) -> list[PosePrimitive]:
     """Read a sequence of pose primitives.
 
-    Raises InputError: the file is missing, no safetensors, or holds something else.
+    Raises InputError: the file is missing or is not such a file.
     """
     tensors = read_tensors(path)
     with holding(path, "pose primitives"):
@@ -60,7 +60,7 @@ def read_vector_primitive(path: str | Path) -> VectorPrimitive:
 
 
 def primitive_tensors(primitives: Sequence[PosePrimitive]) -> tuple[Tensors, list[Kind]]:
-    """Arrays of a sequence of pose primitives, and what is not a number of each."""
+    """Arrays of a sequence of pose primitives, and the non-numeric fields of each."""
     tensors: Tensors = {}
     kinds: list[Kind] = []
     for primitive in primitives:
@@ -75,7 +75,7 @@ def primitive_tensors(primitives: Sequence[PosePrimitive]) -> tuple[Tensors, lis
 
 
 def pose_primitives(kinds: Sequence[Kind], tensors: Tensors) -> list[PosePrimitive]:
-    """The inverse of `primitive_tensors`; KeyError where an array is missing."""
+    """The inverse of `primitive_tensors`. Raises KeyError: an array is missing."""
     primitives = []
     for kind in kinds:
         name, frame = kind["name"], kind["frame"]
@@ -91,7 +91,7 @@ def pose_primitives(kinds: Sequence[Kind], tensors: Tensors) -> list[PosePrimiti
 
 
 def vector_tensors(primitive: VectorPrimitive | PositionPrimitive | OrientationPrimitive) -> Tensors:
-    """Arrays of a primitive by name; of a vector primitive within it, as `<field>.<name>`."""
+    """Arrays of a primitive by name; those of a nested vector primitive are called `<field>.<name>`."""
     tensors: Tensors = {}
     for name, value in vars(primitive).items():
         if isinstance(value, VectorPrimitive):
@@ -102,7 +102,7 @@ def vector_tensors(primitive: VectorPrimitive | PositionPrimitive | OrientationP
 
 
 def vector_primitive(tensors: Tensors) -> VectorPrimitive:
-    """Read the arrays of a vector primitive; KeyError where one is missing, InputError for another shape."""
+    """Vector primitive from its arrays. Raises KeyError: one is missing; InputError: a shape is wrong."""
     size = len(tensors["goal"])
     shapes = dict.fromkeys(("start", "goal", "velocity", "acceleration", "scaled"), (size,))
     return VectorPrimitive(**_checked(size, shapes, tensors))
@@ -135,7 +135,7 @@ def _orientation_primitive(form: str | None, tensors: Tensors) -> OrientationPri
 
 
 def _checked(size: int, shapes: Mapping[str, tuple[int, ...]], tensors: Tensors) -> dict[str, Any]:
-    """Arrays of these shapes, weights (N, size) of two kernels or more, and a duration."""
+    """Check shapes: as given, weights (N, size) with N >= 2, and a scalar duration."""
     for name, shape in shapes.items():
         if tensors[name].shape != shape:
             raise InputError(f"{name} has shape {tensors[name].shape}, not {shape}")

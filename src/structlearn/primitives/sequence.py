@@ -1,4 +1,4 @@
-"""Primitives in sequence without a jump in position, velocity or acceleration (eq. IV.12-14)."""
+"""Sequences of primitives, continuous in position, velocity and acceleration (eq. IV.12-14)."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -18,7 +18,7 @@ OrientationPrimitive = orientation.QuaternionPrimitive | twist_swing.TwistSwingP
 Path = TypeVar("Path", Trajectory, OrientationTrajectory)
 
 LARGEST_SHORT_WAY = np.radians(160.0)
-"""rad; net turn up to which the text's quaternion primitive is used; its logarithm jumps at 180 degrees."""
+"""rad; largest net turn of the published quaternion primitive, whose logarithm jumps at 180 degrees."""
 
 
 @dataclass(frozen=True)
@@ -27,7 +27,7 @@ class PosePrimitive:
 
     name: str
     position: position.PositionPrimitive
-    # movement of the orientation; None where none was recorded
+    # None if no orientation was recorded
     orientation: OrientationPrimitive | None = None
 
     @property
@@ -38,7 +38,7 @@ class PosePrimitive:
 
 @dataclass(frozen=True)
 class PoseGoal:
-    """Where a primitive is to end."""
+    """Goal pose of a primitive."""
 
     position: np.ndarray  # (3,) m
     orientation: np.ndarray | None = None  # (4,) unit quaternion, or None for a movement without orientation
@@ -76,7 +76,7 @@ def fit_orientation(
 
 
 def default_goals(primitives: Sequence[PosePrimitive]) -> list[PoseGoal]:
-    """The demonstrations' mean goals."""
+    """The mean goals of the demonstrations."""
     return [
         PoseGoal(one.position.goal, None if one.orientation is None else one.orientation.goal)
         for one in primitives
@@ -84,7 +84,7 @@ def default_goals(primitives: Sequence[PosePrimitive]) -> list[PoseGoal]:
 
 
 def default_start(primitives: Sequence[PosePrimitive]) -> PoseGoal:
-    """The demonstrations' mean start of the first primitive."""
+    """The mean start of the first primitive's demonstrations."""
     first = primitives[0]
     return PoseGoal(first.position.start, None if first.orientation is None else first.orientation.start)
 
@@ -92,7 +92,7 @@ def default_start(primitives: Sequence[PosePrimitive]) -> PoseGoal:
 def moved_goals(
     goals: Sequence[PoseGoal], offset: np.ndarray, turn: np.ndarray = quaternion.IDENTITY
 ) -> list[PoseGoal]:
-    """Goals shifted by an offset (3,) in m and turned by a quaternion (4,), both in the base frame."""
+    """Goals shifted by an offset (3,) in m and rotated by a quaternion (4,), both in the base frame."""
     return [
         PoseGoal(
             goal.position + offset,
@@ -109,13 +109,13 @@ def unroll(
     goals: Sequence[PoseGoal] | None = None,
     durations: Sequence[float] | None = None,
 ) -> SequencePath:
-    """Execute primitives one after another, from rest.
+    """Unroll primitives one after another, starting from rest.
 
-    Each successor starts in the exact state in which its predecessor ended; its initial goal absorbs the
-    difference to its own equilibrium (eq. IV.12-14).
+    Each primitive starts in the exact state in which its predecessor ended; its initial goal absorbs the
+    difference (eq. IV.12-14).
 
-    `start`: pose at the start; default the first primitive's mean start. `goals`: one per primitive; default
-    the demonstrations' means. `durations`: one per primitive in s; default the demonstrations' means.
+    `start`: initial pose; default: the first primitive's mean start. `goals`, `durations` (s): one per
+    primitive; default: the means of the demonstrations.
     """
     goals = default_goals(primitives) if goals is None else goals
     durations = [primitive.duration for primitive in primitives] if durations is None else durations
@@ -138,7 +138,7 @@ def unroll(
 def generalised(
     primitives: Sequence[PosePrimitive], dt: float, parameters: GeneraliseParameters
 ) -> SequencePath:
-    """The sequence from another start to other goals in another time."""
+    """Unroll the sequence with another start, other goals and another duration."""
     start = default_start(primitives)
     turn = quaternion.from_rotation_vector(np.radians(parameters.goal_turn_deg) * UP)
     return unroll(
@@ -175,10 +175,9 @@ def sequence_table(path: SequencePath, names: Sequence[str]) -> pd.DataFrame:
 
 
 def largest_acceleration_jump(table: pd.DataFrame) -> float:
-    """Largest change of the acceleration within one sample at a switch, relative to the largest acceleration.
+    """Largest acceleration change from one sample to the next at a switch, over the largest acceleration.
 
-    Without eq. IV.12 it would be of the order of 1; with it, it is what a smooth path changes in one sample.
-    `table`: of `sequence_table`. 0 for a single primitive.
+    Without eq. IV.12 it would be of the order of 1. `table`: from `sequence_table`. 0 for a single primitive.
     """
     acceleration = table[["ax", "ay", "az"]].to_numpy()
     names = table["primitive"].to_numpy()

@@ -1,4 +1,4 @@
-"""Paths with their derivatives: what primitives are fitted to and what they unroll."""
+"""Trajectories with two derivatives, which primitives are fitted to and unroll."""
 
 from dataclasses import dataclass, fields, replace
 from typing import Self
@@ -26,12 +26,12 @@ class Path:
 
     @property
     def rates(self) -> tuple[np.ndarray, np.ndarray]:
-        """Velocity and acceleration; of an orientation the angular ones."""
+        """Velocity and acceleration; for orientations, angular."""
         *_, velocity, acceleration = vars(self).values()
         return velocity, acceleration
 
     def cut(self, first: int, last: int) -> Self:
-        """Samples first..last, both included, with the clock restarted (unbatched signals only)."""
+        """Samples first..last, inclusive, with the clock restarted (unbatched signals only)."""
         signals_cut = {field.name: getattr(self, field.name)[first : last + 1] for field in fields(self)[1:]}
         return type(self)(time=self.time[: last - first + 1], **signals_cut)
 
@@ -45,11 +45,11 @@ class Trajectory(Path):
     acceleration: np.ndarray  # (..., T, D) per s^2
 
     def turned(self, axes: np.ndarray) -> Self:
-        """The signals along the columns of axes (..., D, D)."""
+        """The signals in axes given by the columns of `axes` (..., D, D)."""
         return type(self)(self.time, self.position @ axes, self.velocity @ axes, self.acceleration @ axes)
 
     def shifted(self, offset: np.ndarray) -> Self:
-        """The same path elsewhere, by an offset (..., D)."""
+        """The path shifted by an offset (..., D)."""
         return replace(self, position=self.position + offset)
 
 
@@ -63,7 +63,7 @@ class OrientationTrajectory(Path):
 
 
 def differentiated(position: np.ndarray, dt: float, cutoff_hz: float) -> Trajectory:
-    """A recorded signal, low-passed and differentiated twice.
+    """Low-pass a recorded signal and differentiate it twice.
 
     Filter a whole demonstration before cutting it: neighbouring segments then agree at the cut.
 
@@ -75,10 +75,10 @@ def differentiated(position: np.ndarray, dt: float, cutoff_hz: float) -> Traject
 
 
 def differentiated_orientation(orientation: np.ndarray, dt: float, cutoff_hz: float) -> OrientationTrajectory:
-    """A recorded orientation path, low-passed and differentiated twice.
+    """Low-pass a recorded orientation path and differentiate it twice.
 
-    The components of the sign-continuous quaternion are filtered and normalised again: unlike a logarithm
-    they have no singular orientation, and for a smooth path they stay far from zero.
+    The components of the sign-continuous quaternion are filtered and renormalised: unlike a logarithm they
+    have no singular orientation, and for a smooth path their norm stays far from zero.
 
     `orientation`: (T, 4) unit quaternions on a uniform clock. `cutoff_hz`: cut-off of the low-pass in Hz.
     """

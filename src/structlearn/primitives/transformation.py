@@ -2,9 +2,9 @@
 
     tau^2 xdd = ALPHA (BETA (g - x) - tau xd) + f + c        tau gd = ALPHA_G (G - g)
 
-Given the forcing term f the system is linear, so one step is exact for forcing that is linear between samples
-(first-order hold); the coupling term c, known only as it comes from a sensor, is held over the step. Steps of
-any length are stable and the unrolled path does not depend on the sampling rate.
+Given the forcing term f the system is linear, so a step is exact for forcing that is linear between samples
+(first-order hold). The coupling term c, known only when the sensor is read, is held over the step. Steps of
+any length are stable, and the unrolled path does not depend on the sampling rate.
 """
 
 from collections.abc import Callable
@@ -24,8 +24,8 @@ BETA = ALPHA / 4.0
 ALPHA_G = ALPHA / 2.0
 
 Coupling = Callable[[int, np.ndarray, np.ndarray], np.ndarray]
-"""Coupling term in the loop: (step, x (..., D), xd (..., D)) -> c (..., D). The arrays x and xd are the same
-ones at every step, and the next step overwrites them."""
+"""Coupling term in the loop: (step, x (..., D), xd (..., D)) -> c (..., D). The arrays x and xd are reused
+and overwritten by the next step."""
 
 
 def initial_goal(
@@ -51,7 +51,7 @@ def goal_path(goal: np.ndarray, first: np.ndarray, times: np.ndarray, tau: float
 
 
 def forcing_target(trajectory: Trajectory, tau: float) -> np.ndarray:
-    """Forcing term f_target (T, D) that would reproduce a demonstration (eq. IV.8).
+    """Forcing term f_target (T, D) that reproduces a demonstration (eq. IV.8).
 
     The goal evolves from the demonstration's own initial state to its last position, as when unrolled.
     """
@@ -85,7 +85,7 @@ def unroll(
         coupling: feedback in the loop, called once per step for the whole batch.
 
     Returns:
-        Trajectory with (..., T, D) signals that starts at the given state.
+        Trajectory with (..., T, D) signals; its first sample is the initial state.
     """
     batch = np.broadcast(start, goal, forcing[..., 0, :]).shape
     samples, axes = forcing.shape[-2:]
@@ -118,9 +118,9 @@ def unroll(
 
 @lru_cache
 def step_matrix(step: float) -> np.ndarray:
-    """Exact transition over one step of the state (x - G, tau xd, g - G) and the inputs (f, change of f).
+    """Exact transition (3, 5) of the state (x - G, tau xd, g - G) for inputs (f, change of f) over one step.
 
-    `step`: dt / tau, dimensionless. (3, 5), from the exponential of the system extended by its inputs.
+    `step`: dt / tau, dimensionless. From the exponential of the system extended by its inputs.
     """
     rates = np.zeros((5, 5))
     rates[0, 1] = 1.0
@@ -178,7 +178,7 @@ def step_batch(
 
 @numba.njit(cache=True)
 def _unroll(matrix: Array, tau: float, goal: Array, state: Array, forcing: Array, path: Array) -> None:
-    """All steps without feedback, one movement after the other: they are contiguous in memory."""
+    """All steps without feedback, one movement after the other, since each is contiguous in memory."""
     batch, samples, axes = forcing.shape
     for b in range(batch):
         for k in range(samples):
@@ -188,7 +188,7 @@ def _unroll(matrix: Array, tau: float, goal: Array, state: Array, forcing: Array
 
 @numba.njit(cache=True)
 def _write_forcing_target(times: Array, x: Array, xd: Array, xdd: Array, tau: float, target: Array) -> None:
-    """Write `forcing_target` of times (T,) and signals (T, D) without numpy's arrays in between."""
+    """Write `forcing_target` of times (T,) and signals (T, D) without temporary arrays."""
     samples, axes = x.shape
     first = np.empty(axes)
     for d in range(axes):

@@ -1,8 +1,8 @@
 """Orientation primitive for turns of any size, in a twist-swing chart about a dominant axis.
 
-The quaternion primitive of the text drives by the logarithm of the short way, which jumps at half a turn, and
-no unwrapping of rotation vectors passes a full turn, where the exponential map is singular. Here an
-orientation relative to the goal is split into a twist about a fixed axis and a swing perpendicular to it,
+The text's quaternion primitive is driven by the logarithm of the shorter rotation, which jumps at half a
+turn; and rotation vectors cannot be unwrapped past a full turn, where the exponential map is singular. Here
+an orientation relative to the goal is split into a twist about a fixed axis and a swing perpendicular to it,
 
     Q o Q_G* = exp(s / 2) o exp(theta a / 2),        s perpendicular to a,
 
@@ -26,7 +26,7 @@ from structlearn.primitives.vector import VectorPrimitive, fit_vector
 class TwistSwingPrimitive:
     """Learned movement of an orientation that may turn any number of times."""
 
-    # the movement of (theta, s_1, s_2) in rad; its start tells how many turns are left to go
+    # movement of (theta, s_1, s_2) in rad; its start says how many turns remain
     chart: VectorPrimitive
     axes: np.ndarray  # (3, 3) columns: dominant axis, and two perpendicular ones, in the base frame
     start: np.ndarray  # (4,) mean start of the demonstrations
@@ -48,11 +48,11 @@ class TwistSwingPrimitive:
         coupling: Coupling | None = None,
         until: float | None = None,
     ) -> OrientationTrajectory:
-        """Generate the movement, (T, 4) orientations; arguments as of `QuaternionPrimitive.unroll`.
+        """Generate the movement, (T, 4) orientations; arguments as in `QuaternionPrimitive.unroll`.
 
-        Of the many ways round from start to goal, the one nearest to the demonstrations is taken. `coupling`:
-        in chart coordinates: (step, (..., 3), rates) -> (..., 3). Raises ValueError: only one of velocity and
-        acceleration is given; on the chart they belong together.
+        Of the possible numbers of turns from start to goal, the one nearest to the demonstrations is taken.
+        `coupling`: in chart coordinates: (step, (..., 3), rates) -> (..., 3). Raises ValueError: only one of
+        velocity and acceleration is given; the chart needs both.
         """
         if (velocity is None) != (acceleration is None):
             raise ValueError("velocity and acceleration must be given together")
@@ -78,9 +78,9 @@ def fit_twist_swing(
     method: kernels.Regression = "joint",
     kernel_count: int = kernels.KERNEL_COUNT,
 ) -> TwistSwingPrimitive:
-    """Learn an orientation primitive in the chart about the demonstrations' dominant axis.
+    """Fit an orientation primitive in the chart about the demonstrations' dominant axis.
 
-    `demonstrations`: each with (T_l, 4) orientations, sign flips removed.
+    `demonstrations`: (T_l, 4) orientations each, sign-continuous.
     """
     axes = dominant_axes(demonstrations)
     return TwistSwingPrimitive(
@@ -115,7 +115,7 @@ def largest_turn(demonstrations: Sequence[OrientationTrajectory]) -> float:
 
 
 def on_chart(path: OrientationTrajectory, axes: np.ndarray) -> Trajectory:
-    """A demonstration in chart coordinates relative to its own goal, twist unwrapped so that it ends at 0."""
+    """A demonstration in chart coordinates relative to its own goal; the twist is unwrapped to end at 0."""
     relative = quaternion.product(path.orientation, quaternion.conjugate(path.orientation[-1]))
     coordinates = to_chart(relative, axes)
     coordinates[:, 0] = np.unwrap(coordinates[::-1, 0])[::-1]
@@ -146,7 +146,7 @@ def from_chart(coordinates: np.ndarray, axes: np.ndarray) -> np.ndarray:
 def angular_rates(
     coordinates: np.ndarray, rates: np.ndarray, accelerations: np.ndarray, axes: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Angular velocity and acceleration (..., 3) in the base frame of a movement (..., 3) on the chart."""
+    """Angular velocity and acceleration (..., 3) in the base frame, from chart rates (..., 3)."""
     matrix, bias = _chart_jacobian(coordinates, rates, axes)
     velocity = (matrix @ rates[..., None])[..., 0]
     return velocity, (matrix @ accelerations[..., None])[..., 0] + bias

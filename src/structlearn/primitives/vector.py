@@ -1,7 +1,7 @@
 """Primitive of a vector signal: sensor traces, chart coordinates, positions in a local frame (IV.3).
 
-An expected sensor trace, what a sensor should read while a primitive runs (associative skill memory), is such
-a primitive with one dimension per channel; deviations from it are the input of feedback models.
+The expected sensor traces of a primitive (associative skill memory) are such a primitive, with one dimension
+per channel; deviations from them are the input of feedback models.
 """
 
 from abc import ABC, abstractmethod
@@ -15,18 +15,18 @@ from structlearn.primitives import canonical, kernels, transformation
 from structlearn.primitives.trajectory import OrientationTrajectory, Trajectory, differentiated
 
 SMALLEST_AMPLITUDE = 1e-3
-"""An axis along which the demonstrations move less than this is never scaled (its ratio means nothing)."""
+"""Axes along which the demonstrations move less than this are never scaled: their ratio would be noise."""
 
 Unrolled = TypeVar("Unrolled", Trajectory, OrientationTrajectory, covariant=True)
 
 
 @dataclass(frozen=True)
 class ForcedPrimitive(ABC, Generic[Unrolled]):
-    """Forcing weights and the mean situation of the demonstrations, of a vector or of an orientation."""
+    """Forcing weights and the demonstrations' mean boundary conditions, for a vector or an orientation."""
 
     weights: np.ndarray  # (..., N, D) forcing weights; leading axes make a batch
-    start: np.ndarray  # (D,) mean start of the demonstrations; of an orientation (4,)
-    goal: np.ndarray  # (D,) mean goal of the demonstrations; of an orientation (4,)
+    start: np.ndarray  # (D,) mean start of the demonstrations; orientation (4,)
+    goal: np.ndarray  # (D,) mean goal of the demonstrations; orientation (4,)
     velocity: np.ndarray  # (D,) mean initial velocity of the demonstrations, per duration
     acceleration: np.ndarray  # (D,) mean initial acceleration of the demonstrations, per duration squared
     duration: float  # mean duration of the demonstrations in s
@@ -42,10 +42,10 @@ class ForcedPrimitive(ABC, Generic[Unrolled]):
         coupling: transformation.Coupling | None = None,
         until: float | None = None,
     ) -> Unrolled:
-        """Generate the movement; what is not given is the demonstrations' mean.
+        """Generate the movement; defaults are the demonstrations' means.
 
-        Recorded movements rarely begin at rest to the last bit, and the evolving goal magnifies the rest
-        (eq. IV.12), so the mean initial state belongs to the primitive; a robot that stands still passes 0.
+        Recorded movements rarely begin exactly at rest, and the evolving goal amplifies the remaining motion
+        (eq. IV.12), so the mean initial state is part of the primitive; pass 0 for a robot that stands still.
 
         Args:
             dt: sampling interval in s.
@@ -54,8 +54,8 @@ class ForcedPrimitive(ABC, Generic[Unrolled]):
             duration: s.
             velocity: (D,) initial velocity; (3,) rad/s.
             acceleration: (D,) initial acceleration; (3,) rad/s^2.
-            coupling: feedback in the loop, from the step, x (..., D) and xd; of an orientation Q (..., 4), w.
-            until: time of the last sample in s; default the duration. Later the terms keep fading.
+            coupling: feedback in the loop, of the step, x (..., D) and xd; for orientations Q (..., 4) and w.
+            until: time of the last sample in s; default: the duration. Beyond it the terms keep decaying.
 
         Returns:
             Trajectory with (..., T, D) signals, or orientations (..., T, 4).
@@ -74,7 +74,7 @@ class ForcedPrimitive(ABC, Generic[Unrolled]):
     def _integrated(
         self, start: np.ndarray, goal: np.ndarray, features: np.ndarray, *system: Any
     ) -> Unrolled:
-        """The movement with forcing features (T, N); `system`: what `transformation.unroll` takes after."""
+        """The movement with forcing features (T, N); `system`: the further arguments of `unroll`."""
 
 
 @dataclass(frozen=True)
@@ -84,7 +84,7 @@ class VectorPrimitive(ForcedPrimitive[Trajectory]):
     scaled: np.ndarray  # (D,) axes whose forcing term grows with the distance from start to goal
 
     def forcing(self, times: np.ndarray, start: np.ndarray, goal: np.ndarray, duration: float) -> np.ndarray:
-        """Forcing term (..., T, D) at times (T,) in s, scaled on the axes that are (eq. IV.6)."""
+        """Forcing term (..., T, D) at times (T,) s, scaled along the `scaled` axes (eq. IV.6)."""
         p, u = canonical.phase(times, canonical.time_constant(duration))
         return self._forcing(kernels.features(p, u, self.weights.shape[-2]), start, goal)
 
@@ -104,10 +104,10 @@ def fit_vector(
     method: kernels.Regression = "joint",
     kernel_count: int = kernels.KERNEL_COUNT,
 ) -> VectorPrimitive:
-    """Learn a primitive from one or several demonstrations of any durations (IV.5.4).
+    """Fit a primitive to one or several demonstrations of any durations (IV.5.4).
 
-    `demonstrations`: each with (T_l, D) signals. `scaled`: axes whose forcing term is to scale with the
-    distance from start to goal; default none.
+    `demonstrations`: (T_l, D) signals each. `scaled`: axes whose forcing term scales with the distance from
+    start to goal; default: none.
     """
     starts = np.array([demonstration.position[0] for demonstration in demonstrations])
     goals = np.array([demonstration.position[-1] for demonstration in demonstrations])
@@ -141,41 +141,41 @@ def mean_initial_state(
 def relative_scale(distance: np.ndarray, amplitude: np.ndarray, scaled: np.ndarray) -> np.ndarray:
     """Factor (..., D) on the forcing term: (G - x_0) / amplitude on scaled axes, 1 elsewhere.
 
-    `distance`: (..., D) goal minus start of this movement. `amplitude`: (D,) goal minus start of the
-    demonstrations' mean. `scaled`: (D,) which axes are scaled.
+    `distance`: (..., D) goal minus start of this movement. `amplitude`: (D,) mean goal minus mean start of
+    the demonstrations. `scaled`: (D,) mask.
     """
     meaningful = scaled & (np.abs(amplitude) >= SMALLEST_AMPLITUDE)
     return np.where(meaningful, distance / np.where(meaningful, amplitude, 1.0), 1.0)
 
 
 def sample_count(duration: float, dt: float) -> int:
-    """Number of samples 0, dt, 2 dt, ... up to the one nearest to the duration in s."""
+    """Number of samples 0, dt, 2 dt, ... up to the one nearest to `duration` s."""
     return round(duration / dt) + 1
 
 
-OFFSET_SAMPLES = 5  # The offset of a run is the mean of this many samples at its start
+OFFSET_SAMPLES = 5  # a run's offset is the mean of this many samples at its start
 
 
 def without_offset(trace: np.ndarray, first: np.ndarray | None = None) -> np.ndarray:
-    """A trace (T, E) relative to the sensor's reading at the start of the run.
+    """Trace (T, E) relative to the sensor's reading at the start of the run.
 
-    `first`: (S, E) samples at the start of the run; default the trace itself. For later primitives of a run:
+    `first`: (S, E) samples at the start of the run; default: the trace itself. Later primitives of a run pass
     the trace of its first primitive.
     """
     return trace - (trace if first is None else first)[:OFFSET_SAMPLES].mean(axis=0)
 
 
 def fit_expected_traces(traces: Sequence[np.ndarray], dt: float, smoothing_hz: float) -> VectorPrimitive:
-    """Expected traces from repeated runs of a primitive, one dimension per channel.
+    """Fit the expected sensor traces of a primitive to repeated runs, one dimension per channel.
 
     `traces`: per run (T_l, E) readings without offset, on one uniform clock from start to end.
-    `smoothing_hz`: low-pass before the traces are differentiated.
+    `smoothing_hz`: cut-off of the low-pass before differentiation.
     """
     return fit_vector([differentiated(trace, dt, smoothing_hz) for trace in traces])
 
 
 def expected_traces(primitive: VectorPrimitive, samples: int, dt: float) -> np.ndarray:
-    """Expected traces over a run of `samples` samples: (samples, E) counts."""
+    """Expected traces of a run with `samples` samples: (samples, E) counts."""
     return primitive.unroll(dt, duration=dt * (samples - 1)).position
 
 

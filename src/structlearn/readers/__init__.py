@@ -1,10 +1,9 @@
-"""Demonstrations as they come: bags and public logs in, signals on one clock out.
+"""Readers of demonstrations: bags and public logs in, signals on one clock out.
 
-`read_demonstrations` is the way in for a pipeline. Below it: `source` (a source -> files of any format),
-`bag` and `user_tables` (a file <-> raw messages), `cdr`, `messages`, `joint_log` and `computed_pose` (raw
-messages <-> streams), `clock` (streams -> one clock). Stages hand sets on as tables: `runs`, and `joint_log`
-where no pose was recorded. What users import stands in the stub beside this file, and is loaded when it is
-first used.
+Pipelines call `read_demonstrations`. Below it: `source` (a source -> its files), `bag` and `user_tables` (a
+file <-> raw messages), `cdr`, `messages`, `joint_log` and `computed_pose` (raw messages <-> streams), `clock`
+(streams -> one clock). Stages exchange sets as tables: runs (`demonstration`), or `joint_log` without poses.
+The public names are in the stub beside this file; their modules load on first use.
 """
 
 import lazy_loader

@@ -1,8 +1,8 @@
-"""Raw messages of bags: MCAP, ours or a robot's, read and written by `mcap`; older bags read by `rosbags`.
+"""Raw messages of bags: MCAP files, ours or a robot's, by `mcap`; older bags, read by `rosbags`.
 
-Every checksum and count in an MCAP file must be right: of chunks, data and summary, and the messages of a
-channel. `rosbags` is an extra of this package: messages of ROS 1 become those of ROS 2, the same numbers in
-CDR, headers without their counter. Messages that were compressed one by one are unpacked.
+Every checksum and count in an MCAP file is verified: of chunks, data, summary, and messages per channel.
+`rosbags` is an extra of this package. Messages of ROS 1 are converted to ROS 2: the same numbers in CDR,
+headers without their counter. Individually compressed messages are unpacked.
 """
 
 import json
@@ -32,34 +32,35 @@ from structlearn.readers.source import COMPRESSED, RecordingFile
 
 METADATA = "structlearn"  # name of the metadata record of our own files
 
-# Bytes of an unpacked chunk; writers begin a new one after a few million, those of ROS 1 after one million.
+# Largest unpacked chunk in bytes; writers start a new one after a few million, those of ROS 1 after one
+# million.
 LARGEST_CHUNK, LARGEST_OF_ROS1 = 2**28, 2**27
 
-ZSTD_MAGIC = b"\x28\xb5\x2f\xfd"  # begin of a zstd frame; the first byte of a message is 0
+ZSTD_MAGIC = b"\x28\xb5\x2f\xfd"  # start of a zstd frame; the first byte of a message is 0
 
 Row = tuple[int, Schema | None, bytes]  # log time in ns, definition and content of a message
 
 
 @dataclass(frozen=True)
 class RawMessages:
-    """T messages of one topic, in the order of their log times."""
+    """T messages of one topic, ordered by log time."""
 
     log_times: np.ndarray  # (T,) int64 ns
-    schemas: Sequence[Schema | None]  # definition of each; None where the file has none
-    data: Sequence[bytes]  # content of each
+    schemas: Sequence[Schema | None]  # definition of each message; None if the file has none
+    data: Sequence[bytes]  # content of each message
 
 
 @dataclass(frozen=True)
 class Bag:
-    """Content of a file."""
+    """Content of a bag."""
 
-    # every topic with the types of its messages; what is not a ROS 2 message says so in its type
+    # every topic with the types of its messages; the type says so if it is not a ROS 2 message
     topics: Mapping[str, Sequence[str]]
-    messages: Mapping[str, RawMessages]  # of each topic that was wanted, unless there are none
-    metadata: Mapping[str, str] | None = None  # our own metadata record; None where the file is not ours
+    messages: Mapping[str, RawMessages]  # per requested topic that has messages
+    metadata: Mapping[str, str] | None = None  # our metadata record; None for other files
 
     def provenance(self, path: Path) -> dict[str, str]:
-        """Origin according to our own metadata; a file without them was recorded."""
+        """Provenance from our metadata; a file without them counts as recorded."""
         if self.metadata is None:
             return {"origin": "recorded", "source": path.name}
         with damage_named(path):
@@ -70,20 +71,20 @@ class Bag:
 
 
 def _bag(types: Iterable[tuple[str, str]], rows: Mapping[str, Iterable[Row]], metadata: Any = None) -> Bag:
-    """From pairs of topic and type, which may repeat, and the messages of each topic, here put in order."""
+    """Bag from pairs of topic and type, which may repeat, and the messages per topic, sorted here."""
     topics: dict[str, dict[str, None]] = {}
     for topic, message_type in types:
         topics.setdefault(topic, {})[message_type] = None
     messages = {}
     for topic, its in rows.items():
-        if ordered := sorted(its, key=itemgetter(0)):  # those of equal times stay in their order
+        if ordered := sorted(its, key=itemgetter(0)):  # stable for equal times
             log_times, schemas, data = zip(*ordered, strict=True)
             messages[topic] = RawMessages(np.array(log_times, dtype=np.int64), schemas, data)
     return Bag({topic: list(its) for topic, its in topics.items()}, messages, metadata)
 
 
 def read_bags(file: RecordingFile, topics: Collection[str]) -> Bag:
-    """Some topics of a bag; one that is split over several files has the metadata of the first with any."""
+    """Read some topics of a bag; metadata of a split bag are those of the first file with any."""
     read = {"mcap": read_bag, "db3": read_db3, "bag": read_ros1_bag}[file.format]
     bags = [read(path, topics) for path in file.paths]
     if len(bags) == 1:
@@ -99,9 +100,9 @@ def read_bags(file: RecordingFile, topics: Collection[str]) -> Bag:
 def write_bag(
     path: str | Path, metadata: Mapping[str, str], messages: Iterable[tuple[str, RawMessages]]
 ) -> None:
-    """Write messages of ROS 2 as an MCAP file in place; the same ones give the same bytes.
+    """Write ROS 2 messages as an MCAP file in place; equal messages give equal bytes.
 
-    Messages of a topic have one type. They are ordered by log time, at equal times by topic.
+    A topic has messages of one type. Messages are ordered by log time, then by topic.
     """
     with open(path, "wb") as file:
         writer = Writer(file, enable_data_crcs=True)
@@ -129,7 +130,7 @@ class _Damage(Exception):  # noqa: N818 - it is what is found
 
 @contextmanager
 def damage_named(where: str | Path, what: str = "MCAP file") -> Iterator[None]:
-    """Turn anything raised while a file is read into an InputError; only calls that read it go inside."""
+    """Turn any error while a file is read into an InputError; only reading calls belong in the body."""
     try:
         yield
     except InputError:
@@ -142,14 +143,14 @@ def damage_named(where: str | Path, what: str = "MCAP file") -> Iterator[None]:
             "it, or `pip install structlearn[bags]`; or `ros2 bag convert` turns the bag into MCAP"
         ) from error
     except Exception as error:
-        if isinstance(error, OSError) and error.strerror:  # those of decompressors have none
+        if isinstance(error, OSError) and error.strerror:  # errors of decompressors have none
             raise InputError(f"{where}: cannot be read: {error.strerror}") from error
         kind = "" if isinstance(error, _Damage) else f"{type(error).__name__}: "
         raise InputError(f"{where}: damaged {what}: {kind}{error}") from error
 
 
 def read_bag(path: Path, topics: Collection[str]) -> Bag:
-    """Some topics of an MCAP file of `ros2 bag record -s mcap` or `write_bag`; InputError if damaged."""
+    """Read some topics of an MCAP file, from `ros2 bag record -s mcap` or `write_bag`. Raises InputError."""
     with damage_named(path):
         require_file(path, whole=False)
         budget, size = Budget(path), len(MCAP0_MAGIC)
@@ -157,7 +158,7 @@ def read_bag(path: Path, topics: Collection[str]) -> Bag:
             if file.read(size) != MCAP0_MAGIC:
                 raise InputError(f"{path}: not an MCAP file")
             file.seek(max(size, file.seek(0, 2) - size))
-            if file.read() != MCAP0_MAGIC:  # a killed recorder leaves no end
+            if file.read() != MCAP0_MAGIC:  # a killed recorder writes no end
                 raise InputError(
                     f"{path}: the MCAP file is cut off at its end; `mcap recover` saves what is there"
                 )
@@ -167,7 +168,7 @@ def read_bag(path: Path, topics: Collection[str]) -> Bag:
 
 @contextmanager
 def unpacked_file(path: Path, budget: Budget) -> Iterator[Path]:
-    """The file, or a temporary one with its content where it is a single zstd frame, as of `ros2 bag`."""
+    """Yield the file or, if it is a single zstd frame (`ros2 bag`), a temporary file with its content."""
     if path.suffix != COMPRESSED:
         yield path
         return
@@ -176,7 +177,7 @@ def unpacked_file(path: Path, budget: Budget) -> Iterator[Path]:
         unpacker = zstandard.ZstdDecompressor().decompressobj()
         with open(path, "rb") as file, open(plain, "wb") as unpacked:
             try:
-                while not unpacker.eof and (block := file.read(2**12)):  # 100 MB of zeros are as long
+                while not unpacker.eof and (block := file.read(2**12)):  # 4 kB may unpack to 100 MB of zeros
                     content = unpacker.decompress(block)
                     budget.take(len(content))
                     unpacked.write(content)
@@ -188,7 +189,7 @@ def unpacked_file(path: Path, budget: Budget) -> Iterator[Path]:
 
 
 def _read_mcap(file: BinaryIO, topics: Collection[str], budget: Budget) -> Bag:
-    """Content of a file; topics may be defined, and again, anywhere in it."""
+    """Content of an MCAP file; topics may be defined, even repeatedly, anywhere in it."""
     schemas: dict[int, Schema] = {}
     channels: dict[int, Channel] = {}
     metadata: dict[str, Mapping[str, str]] = {}
@@ -237,7 +238,7 @@ def _type_name(channel: Channel, schema: Schema | None) -> str:
 
 
 def _records(file: BinaryIO, budget: Budget) -> Iterator[McapRecord]:
-    """All records; after each chunk those in it."""
+    """All records; the contents of a chunk follow the chunk."""
     footer = None
     for record in StreamReader(file, emit_chunks=True, validate_crcs=True).records:
         yield record
@@ -250,9 +251,9 @@ def _records(file: BinaryIO, budget: Budget) -> Iterator[McapRecord]:
             yield from breakup_chunk(replace(record, compression="", data=content), validate_crc=True)
         elif isinstance(record, Footer):
             footer = record
-    assert footer is not None  # the reader goes on until there is one
+    assert footer is not None  # the reader continues until there is one
     file.seek(footer.summary_start)
-    checked = file.read()[: -len(MCAP0_MAGIC) - 4]  # without the field of the checksum
+    checked = file.read()[: -len(MCAP0_MAGIC) - 4]  # without the checksum itself
     if footer.summary_crc and footer.summary_crc != zlib.crc32(checked):
         raise _Damage("the checksum of the summary is wrong")
 
@@ -273,7 +274,7 @@ def unpacked_chunk(compression: str, data: bytes, size: int = LARGEST_CHUNK) -> 
 
 
 def unpacked_message(data: bytes, budget: Budget) -> bytes:
-    """A message, unpacked if `ros2 bag record --compression-mode message` compressed it."""
+    """Content of a message, unpacked if it was compressed by `ros2 bag record --compression-mode message`."""
     if not data.startswith(ZSTD_MAGIC):
         return data
     size = zstandard.frame_content_size(data)
@@ -284,7 +285,7 @@ def unpacked_message(data: bytes, budget: Budget) -> bytes:
 
 
 def read_db3(path: Path, topics: Collection[str]) -> Bag:
-    """Some topics of a .db3 file; the library defines types of those older than ROS 2 Iron."""
+    """Read some topics of a .db3 file; before ROS 2 Iron, the library supplies the types."""
     with damage_named(path, "bag"), unpacked_file(path, budget := Budget(path)) as plain:
         from rosbags.highlevel import AnyReader
         from rosbags.typesys import Stores, get_typestore
@@ -296,7 +297,7 @@ def read_db3(path: Path, topics: Collection[str]) -> Bag:
 
 
 def read_ros1_bag(path: Path, topics: Collection[str]) -> Bag:
-    """Some topics of a .bag file of ROS 1."""
+    """Read some topics of a ROS 1 .bag file."""
     with damage_named(path, "bag"):
         from rosbags.rosbag1 import Reader
         from rosbags.rosbag1.reader import decompressors
@@ -307,13 +308,13 @@ def read_ros1_bag(path: Path, topics: Collection[str]) -> Bag:
             for connection in reader.connections:
                 types |= get_types_from_msg(connection.msgdef.data, connection.msgtype)
             header = "std_msgs/msg/Header"
-            if header in types:  # with the counter, messages could not be turned into those of ROS 2
+            if header in types:  # ROS 2 headers have no counter
                 types[header] = get_typestore(Stores.LATEST).fielddefs[header]
             store = get_typestore(Stores.EMPTY)
             store.register(types)
             budget, names = Budget(path), {unpack: name for name, unpack in decompressors.items()}
 
-            def unpacked(compression: str, data: bytes) -> bytes:  # again where chunks overlap in time
+            def unpacked(compression: str, data: bytes) -> bytes:  # called again if chunks overlap in time
                 content = unpacked_chunk(compression, data, LARGEST_OF_ROS1)
                 if len(content) > LARGEST_OF_ROS1:
                     raise InputError(f"{path}: a chunk of more than {LARGEST_OF_ROS1} bytes")
@@ -333,7 +334,7 @@ def _read_older(
     to_cdr: Callable[[bytes, str], Any],
     budget: Budget,
 ) -> Bag:
-    """Content of an open reader; `stores` know the types, `to_cdr` turns content and type into CDR."""
+    """Content of an open reader; `stores` know the types, `to_cdr` converts (content, type) to CDR."""
     wanted = [connection for connection in reader.connections if connection.topic in topics]
     schemas = {}
     for name in dict.fromkeys(connection.msgtype for connection in wanted):

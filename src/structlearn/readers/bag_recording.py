@@ -1,4 +1,4 @@
-"""Recordings and joint logs and their files: messages of topics become streams, streams become messages."""
+"""Reading and writing of recordings and joint logs: messages of topics to streams, and back."""
 
 import json
 from collections.abc import Collection, Sequence
@@ -38,14 +38,14 @@ from structlearn.readers.source import (
 )
 from structlearn.readers.user_tables import read_pose_table, read_shapes, shape_file
 
-JOINT_STATES = "/joint_states"  # where drivers publish joint states unless told otherwise
+JOINT_STATES = "/joint_states"  # default topic of drivers
 
 _TOPICS: dict[str, str] = {role: topic for topic, role in OWN_TOPICS.roles()}
 _TOPICS.update(zip(JOINT_KINDS, OWN_TOPICS.joint_states, strict=True))
 
 
 def open_bag(file: RecordingFile, topics: Collection[str]) -> Bag:
-    """Topics with their types, and messages (CDR) of those that are wanted, of a file of any format."""
+    """Topics with their types, and the requested messages (CDR), of a file of any format."""
     for path in file.paths:
         if path.exists():
             require_file(path, whole=False)
@@ -57,14 +57,14 @@ def open_bag(file: RecordingFile, topics: Collection[str]) -> Bag:
 def write_recording(recording: Recording, path: str | Path) -> None:
     """Write a recording as an MCAP file of ROS 2 messages on `OWN_TOPICS`.
 
-    Log and publish time are the stamp. Shapes are one message at the first of all stamps. The same recording
-    gives the same bytes. Tactile counts are written as float32 (whole numbers up to 2^24 are exact),
-    everything else as float64. The name is that of the file. It is written in place: the caller publishes it
-    or the folder that it is in (`structlearn.core.artefacts.publish`).
+    Log and publish time equal the stamp. Shapes are one message at the earliest stamp. Equal recordings give
+    equal bytes. Tactile counts are written as float32 (integers up to 2^24 are exact), everything else as
+    float64. The recording's name is the file's. The file is written in place; the caller publishes it or its
+    folder (`structlearn.core.artefacts.publish`).
 
     Raises:
         InputError: the recording fails `check_recording`, a stamp is negative or after 2^31 s, a tactile
-            count is beyond float32, or there are more than `MAX_FINGERS` tactile streams.
+            count exceeds float32, or there are more than `MAX_FINGERS` tactile streams.
     """
     check_recording(recording)
     if sum(stream.kind == "tactile" for stream in recording.streams) > MAX_FINGERS:
@@ -81,7 +81,7 @@ def write_recording(recording: Recording, path: str | Path) -> None:
 
 
 def to_metadata(recording: Recording) -> dict[str, str]:
-    """The metadata record, values as JSON with sorted keys; numbers keep all their digits."""
+    """Metadata record: values as JSON with sorted keys; numbers keep all digits."""
     segments = recording.true_segments
     return {
         "provenance": json.dumps(dict(recording.provenance), sort_keys=True),
@@ -92,17 +92,17 @@ def to_metadata(recording: Recording) -> dict[str, str]:
 def read_recording(
     file: str | Path | RecordingFile, topics: TopicMap = OWN_TOPICS, stamps: StampPolicy = AS_WRITTEN
 ) -> Recording:
-    """Read a recording from a file of any format (`source`), message types as `messages` says.
+    """Read a recording from a file of any format (`source`); see `messages` for the supported types.
 
     Returns:
-        The recording, named after the file's stem, streams in the order of the topic map. A file without our
-        metadata has the provenance origin "recorded" and its file name as source. Provenance also says, under
-        `stamps`, what was done about stamps that do not increase, under `clock`, whether log times were
-        wanted, and under `joints`, which joints of a topic are left out.
+        The recording, named after the file's stem, with streams in the order of the topic map. A file without
+        our metadata has the provenance origin "recorded" and its file name as source. Provenance also states,
+        under `stamps`, how stamps that do not increase were handled, under `clock`, whether log times were
+        requested, and under `joints`, which joints of a topic are left out.
 
     Raises:
-        InputError: the file is missing, of another kind, cut off or damaged; a topic is missing, empty or of
-            a type that cannot be read as its signal; messages differ in length; stamps are not in order and
+        InputError: the file is missing, of another kind, truncated or damaged; a topic is missing, empty or
+            of a type that its role does not support; messages differ in length; stamps are not in order and
             that is not allowed; two topics give the same signal; or the pose cannot be computed. The message
             names file and topic.
     """
@@ -135,10 +135,10 @@ def read_demonstrations(
 
     Args:
         source: see `source.recording_files`.
-        topics: which topic carries which signal.
-        rate_hz: ticks per second of all demonstrations; None: each has the median rate of its pose stream.
-        max_gap_s: longest hole in s that is bridged by interpolation.
-        stamps: how stamps are taken.
+        topics: topics of the signals.
+        rate_hz: sampling rate of all demonstrations; None: the median rate of each pose stream.
+        max_gap_s: longest gap in s that is bridged by interpolation.
+        stamps: which stamps are used, and how disorder is handled.
 
     Raises:
         InputError: the source fails `source.recording_files`, or a recording `read_recording` or
@@ -157,9 +157,10 @@ def read_demonstrations(
 def read_recordings(
     source: str | Path, topics: TopicMap = OWN_TOPICS, stamps: StampPolicy = AS_WRITTEN
 ) -> list[Recording]:
-    """Read recordings as they are, each stream with its own clock; arguments as of `read_demonstrations`.
+    """Read recordings, each stream on its own clock; arguments as in `read_demonstrations`.
 
-    Raises InputError: as `read_demonstrations`, but for the clock; or a recording fails `check_recording`.
+    Raises InputError: as `read_demonstrations`, except for the clock; or a recording fails
+    `check_recording`.
     """
     found = []
     for file in recording_files(source):
@@ -172,9 +173,9 @@ def read_recordings(
 
 
 def write_recordings(recordings: Sequence[Recording], folder: str | Path) -> None:
-    """Write recordings as folder/NAME.mcap; numbers as names are padded with zeros to equal length.
+    """Write recordings as folder/NAME.mcap; numeric names are zero-padded to equal length.
 
-    The folder is made if missing; publish it as a whole.
+    The folder is created if missing; publish it as a whole.
     """
     names = [recording.name for recording in recordings]
     digits = max((len(name) for name in names if name.isdecimal()), default=0)
@@ -186,7 +187,7 @@ def write_recordings(recordings: Sequence[Recording], folder: str | Path) -> Non
 
 
 def write_joint_log(log: JointLog, path: str | Path) -> None:
-    """Write a log as an MCAP file, which gives the log its name; the caller publishes it."""
+    """Write a log as an MCAP file, named after the log; the caller publishes it."""
     values = dict(zip(JOINT_KINDS, (log.positions, log.velocities, log.torques), strict=True))
     messages = joint_messages(f"{log.name}: {JOINT_STATES}", log.joints, log.stamps, values)
     provenance = json.dumps(dict(log.provenance), sort_keys=True)
@@ -199,7 +200,7 @@ def read_joint_logs(
     joints: Sequence[str] | None = None,
     stamps: StampPolicy = AS_WRITTEN,
 ) -> list[JointLog]:
-    """Read the logs of a source as of `source.recording_files`, in natural order of their names."""
+    """Read the logs of a source (`source.recording_files`), in natural order of their names."""
     return [read_joint_log(file, topic, joints, stamps) for file in recording_files(source)]
 
 
@@ -209,9 +210,10 @@ def read_joint_log(
     joints: Sequence[str] | None = None,
     stamps: StampPolicy = AS_WRITTEN,
 ) -> JointLog:
-    """Read a log, named after its file, from one of any format, ours or a robot's.
+    """Read a log, named after its file, from a file of any format, ours or a robot's.
 
-    Columns are those of the joints that are named, or of all joints of the publisher that has the most, in
+    Columns are the named joints or, without names, all joints of the publisher with the most, in the order of
+    its first message. Raises InputError: something that a dynamics model needs is missing.
     the order of its first message. An InputError says what a dynamics model cannot do without.
     """
     file = as_recording_file(path)
@@ -240,7 +242,7 @@ def read_joint_log(
 
 
 def readable(path: Path, bag: Bag, topic: str, role: Role | Literal["transforms"]) -> tuple[str, RawMessages]:
-    """File and topic in words, and its messages; an InputError unless they can be read in a role."""
+    """Description (file and topic) and messages. Raises InputError: not readable in this role."""
     where = f"{path}: topic '{topic}'"
     if topic not in bag.topics:
         present = sorted(bag.topics.items())
@@ -257,7 +259,7 @@ def readable(path: Path, bag: Bag, topic: str, role: Role | Literal["transforms"
 
 
 class _Reading:
-    """Streams of a bag, with remarks: stamps that were `mended` by topic, joints that were `left_out`."""
+    """Streams of a bag, with remarks: `mended`, stamps corrected per topic, and `left_out` joints."""
 
     def __init__(self, path: Path, bag: Bag, topics: TopicMap, policy: StampPolicy) -> None:
         self._path, self._bag, self._topics, self._policy = path, bag, topics, policy
@@ -285,14 +287,14 @@ class _Reading:
         return streams
 
     def shapes(self) -> tuple[NamedShape, ...]:
-        """Solids on the topic that is named for them."""
+        """Solids on the obstacles topic."""
         for topic, role in self._topics.roles():
             if role == "obstacles" and not self._is_absent(topic, role):
                 return to_shapes(*readable(self._path, self._bag, topic, role))
         return ()
 
     def _is_absent(self, topic: str, role: Role) -> bool:
-        """Whether a topic is not there and need not be."""
+        """Whether an optional topic is absent."""
         return not self._topics.must_exist and role != "pose" and topic not in self._bag.topics
 
     def _computed_pose(self) -> list[Stream]:
@@ -311,7 +313,7 @@ class _Reading:
         return [stream]
 
     def _joint_series(self, topic: str) -> list[JointSeries]:
-        """All joint states of a topic, which may give the pose too."""
+        """All joint states of a topic, cached, since the pose may need them too."""
         if topic not in self._series:
             where, messages = readable(self._path, self._bag, topic, "joint_states")
             found = joint_series(where, topic, messages, self._policy)
@@ -319,7 +321,7 @@ class _Reading:
         return self._series[topic]
 
     def _joints(self, topic: str) -> list[JointSeries]:
-        """Joint states of a topic; of a user's publishers those of the largest, unless joints are named."""
+        """Joint states of a topic: of named joints or, in a user's bag, of the largest publisher."""
         series = self._joint_series(topic)
         if not self._topics.must_exist or self._topics.joints is not None or not series[0].names:
             return series
@@ -329,7 +331,7 @@ class _Reading:
         return series
 
     def _joint_streams(self, series: Sequence[JointSeries]) -> list[Stream]:
-        """Streams of joint states of all topics; a kind of signal that some joints lack is left out."""
+        """Streams of the joint states of all topics; signals that some joints lack are left out."""
         named = all(one.names for one in series)
         if self._topics.joints is not None:
             where = f"{self._path}: {', '.join(dict.fromkeys(one.topic for one in series))}"

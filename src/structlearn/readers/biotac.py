@@ -1,4 +1,4 @@
-"""Public recordings of BioTac fingers, which several sets have: slides, unscrewing and scraping.
+"""Public recordings of BioTac fingers, collected from several sets: slides, unscrewing and scraping.
 
 `$DATA` holds `slide` and `clmc`, or one of them; recordings are called SET/NAME.
 """

@@ -1,10 +1,10 @@
-"""Messages of one topic, decoded from CDR, the encoding of ROS 2.
+"""Decoding of a topic's messages from CDR, the encoding of ROS 2.
 
-Messages of one topic mostly have one layout: a field is at the same place in each of them, and numpy reads or
-writes it in all of them at once, a hundred times faster than message by message. The layout is followed along
-the first message with the topic's own definition, and the others must agree with it in every byte that shapes
-it. Publishers that share a topic, and messages whose sequences grow, have layouts of their own. Where a
-definition has something rare, or there are too many layouts, messages are decoded one by one.
+Most messages of a topic have one layout: a field has the same offset in each of them, so that numpy reads or
+writes it in all of them at once, a hundred times faster than message by message. The layout is derived from
+the first message by the topic's own definition, and others must agree with it in every byte that determines
+it. Publishers that share a topic, and messages with growing sequences, have their own layouts. Definitions
+with rare constructs, and topics with too many layouts, are decoded message by message.
 """
 
 import re
@@ -18,8 +18,8 @@ from mcap.well_known import MessageEncoding
 
 from structlearn.readers.bag import RawMessages, damage_named
 
-MOST_LAYOUTS = 50  # of messages of one length: several frames of a robot need some, changing texts any number
-LITTLE_ENDIAN = 1  # second byte of a message in plain little-endian CDR, which x86 and ARM robots send
+MOST_LAYOUTS = 50  # per message length: a robot's frames need several, varying texts any number
+LITTLE_ENDIAN = 1  # second byte of a message in plain little-endian CDR, sent by x86 and ARM robots
 
 SCALARS = {
     name: np.dtype(name).newbyteorder("<")
@@ -38,9 +38,9 @@ _CONSTANT = re.compile(r"\S+\s+[A-Z]\w*\s*=")
 
 
 class Decoded(NamedTuple):
-    """Messages of one layout: which of the topic's they are, and all of them as one.
+    """Messages of one layout: their rows among the topic's, and all of them as one message.
 
-    Its numbers are columns (M,) or (M, n); of a single message they may be numbers and lists.
+    Its numbers are columns (M,) or (M, n); for a single message they may be scalars and lists.
     """
 
     rows: np.ndarray
@@ -48,7 +48,7 @@ class Decoded(NamedTuple):
 
 
 def decoded(where: str, messages: RawMessages) -> list[Decoded]:
-    """All messages of a topic in groups, ordered by their first row; an InputError where one is damaged."""
+    """All messages of a topic in groups, ordered by their first row. Raises InputError: one is damaged."""
     schemas = {id(schema): schema for schema in messages.schemas}
     keys = [np.fromiter(map(id, messages.schemas), np.int64), np.fromiter(map(len, messages.data), np.int64)]
     layouts, owners = np.unique(np.stack(keys), axis=1, return_inverse=True)
@@ -64,7 +64,7 @@ def decoded(where: str, messages: RawMessages) -> list[Decoded]:
 
 
 def _of_one_length(schema: Schema, rows: np.ndarray, raw: np.ndarray) -> Iterator[Decoded]:
-    """Messages (M, L) of one type: those of one layout together while there are few layouts."""
+    """Decode messages (M, L) of one type: grouped by layout while there are few."""
     text = schema.data.decode()
     for _ in range(MOST_LAYOUTS):
         found = columns(schema.name, text, raw)
@@ -76,52 +76,52 @@ def _of_one_length(schema: Schema, rows: np.ndarray, raw: np.ndarray) -> Iterato
             return
         yield from _of_one_length(schema, rows[alike], raw[alike])
         rows, raw = rows[~alike], raw[~alike]
-    from mcap_ros2.decoder import DecoderFactory  # seldom needed
+    from mcap_ros2.decoder import DecoderFactory  # rarely needed
 
     decode = DecoderFactory().decoder_for(MessageEncoding.CDR, schema)
-    assert decode is not None  # the schema is one of ROS 2, see `bag_recording.readable`
+    assert decode is not None  # a ROS 2 schema, see `bag_recording.readable`
     for row, message in zip(rows, raw, strict=True):
         yield Decoded(np.array([row]), decode(message.tobytes()))
 
 
 def short_name(message_type: str) -> str:
-    """`package/Type` of `package/msg/Type` or of itself."""
+    """`package/Type`, from `package/msg/Type` or itself."""
     return message_type.replace("/msg/", "/")
 
 
 def columns(
     message_type: str, definition: str, messages: np.ndarray
 ) -> tuple[SimpleNamespace, np.ndarray] | None:
-    """Views of all fields of messages (T, L) uint8, in C order, by the layout of the first one.
+    """Views of all fields of messages (T, L) uint8, C-contiguous, by the layout of the first one.
 
     The definition is the text of the type with those of all nested types, as in the encoding `ros2msg`.
     Fields are nested as in the definition: numbers as (T,), sequences of numbers as (T, n) views of the
-    bytes, so that writing them writes the messages; a string, or list of strings, is that of the first
-    message. Also returns which messages (T,) have that layout: the others differ in a length or a string, and
-    their fields mean nothing. None where the first message is big-endian, or its definition has anything but
-    numbers, strings, sequences and nested types.
+    bytes, so that writing to them changes the messages; strings and lists of strings are those of the first
+    message. Also returns a mask (T,) of the messages with that layout; others differ in a length or a string,
+    and their fields are meaningless. None if the first message is big-endian, or its definition has anything
+    but numbers, strings, sequences and nested types.
     """
     if messages.shape[1] < 4 or messages[0, 1] != LITTLE_ENDIAN:
         return None
     layout = _Layout(messages)
     try:
         fields = layout.message(_definitions(message_type, definition), short_name(message_type))
-    except (LookupError, ValueError):  # a type that is not defined; a line, text or end that is not expected
+    except (LookupError, ValueError):  # undefined type; unexpected line, text or end of message
         return None
     return fields, (messages[:, layout.shaping] == messages[0, layout.shaping]).all(axis=1)
 
 
 class _Layout:
-    """Follows the first message field by field; `shaping` marks the bytes that the layout depends on."""
+    """Parses the first message field by field; `shaping` marks the bytes that determine the layout."""
 
     def __init__(self, messages: np.ndarray):
         self._messages = messages
-        self._at = 4  # behind the encapsulation header, from where places are aligned
+        self._at = 4  # after the encapsulation header, where alignment starts
         self.shaping = np.zeros(messages.shape[1], dtype=bool)
         self.shaping[1] = True
 
     def message(self, definitions: dict[str, list[re.Match]], message_type: str) -> SimpleNamespace:
-        """The fields of a message that begins here."""
+        """Fields of a message that starts here."""
         package = message_type.partition("/")[0]
         fields = definitions[message_type]
         return SimpleNamespace(**{one["name"]: self._field(definitions, package, one) for one in fields})
@@ -154,7 +154,7 @@ class _Layout:
         length = self._length()
         text = self._bytes(length)[0].tobytes()
         self.shaping[self._at - length : self._at] = True
-        return text[:-1].decode()  # behind a null
+        return text[:-1].decode()  # null-terminated
 
     def _bytes(self, count: int) -> np.ndarray:
         self._at += count
@@ -164,7 +164,7 @@ class _Layout:
 
 
 def _definitions(message_type: str, definition: str) -> dict[str, list[re.Match]]:
-    """Fields of each type by its name; a ValueError at a line that is no field."""
+    """Fields of each type by its name. Raises ValueError: a line is not a field."""
     found: dict[str, list[re.Match]] = {short_name(message_type): []}
     for line in (line.partition("#")[0].strip() for line in definition.splitlines()):
         if line.startswith("MSG:"):

@@ -1,7 +1,7 @@
 """Public robot recordings of the CLMC laboratory: reaches, unscrewing, and one execution of scraping.
 
-Data files of the repository gsutanto/dmp, in its layout. Values are kept as recorded; the unscrewing logs
-hold each tactile value for about three rows, since the sensor is slower than the robot.
+Data files of the repository gsutanto/dmp, in its layout. Values are kept as recorded; in the unscrewing logs,
+each tactile value repeats for about three rows, since the sensor is slower than the robot.
 """
 
 from dataclasses import replace
@@ -34,7 +34,7 @@ ELECTRODES = 19  # of one BioTac finger
 
 
 def read_movement(folder: Path, entry: Any, left_out: dict[str, str]) -> list[Recording]:
-    """One part of the repository's data, in natural order; numbers as names are padded to equal length.
+    """One part of the repository's data, in natural order; numeric names are zero-padded to equal length.
 
     `entry.part`: `scraping` or `scraping/TRIAL`, `quat_dmp_unscrewing`, or a folder of reaches in
     `cart_coord_dmp`, which may be a pattern.
@@ -55,8 +55,8 @@ def read_reaches(folder: Path, dataset: str = "dataset1", left_out: LeftOut = No
     """Reaches of one end-effector, 1000 Hz, named by their number.
 
     The orientation was not recorded: poses have the identity and twists no rotation, and the provenance says
-    so (`"orientation": "not recorded"`), which makes both None in a demonstration. `dataset` is their folder
-    in `cart_coord_dmp`, or in a folder there; of several that match a pattern, the first by the alphabet.
+    so (`"orientation": "not recorded"`), which makes both None in a demonstration. `dataset` is a folder in
+    `cart_coord_dmp`, or a pattern, of whose matches the alphabetically first is taken.
     """
     reaches = folder / "cart_coord_dmp" / dataset
     reaches = next(iter(sorted(reaches.parent.rglob(dataset))), reaches)
@@ -71,7 +71,7 @@ def read_reaches(folder: Path, dataset: str = "dataset1", left_out: LeftOut = No
 def read_unscrewing(folder: Path, left_out: LeftOut = None) -> list[Recording]:
     """Robot logs of unscrewing by one full turn, 300 Hz: pose, twist, wrench, left finger's electrodes.
 
-    Times are printed with five digits, up to 0.03 ms off 300 Hz, and restored; other times are an error.
+    Printed times have five digits, up to 0.03 ms off 300 Hz, and are restored; other times are an error.
     """
     logs = folder / "quat_dmp_unscrewing"
     files = sorted(logs.rglob("*.txt"), key=lambda path: natural_order(path.stem))
@@ -107,7 +107,7 @@ def _reach(folder: Path, path: Path) -> Recording:
 
 
 def _unscrewing(folder: Path, path: Path) -> Recording:
-    printed, values = read_stamped_table(path, 93)  # columns below count without the time
+    printed, values = read_stamped_table(path, 93)  # column indices below do not count the time
     stamps = uniform_stamps(len(printed), ROBOT_RATE_HZ)
     off = np.abs(printed - stamps) > 100_000  # ns; the last of five digits is 0.1 ms
     if off.any():

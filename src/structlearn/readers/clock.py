@@ -1,4 +1,4 @@
-"""Recordings checked, their stamps put in order, and their streams put on one uniform clock."""
+"""Checks of recordings, repair of their stamps, and synchronisation of streams on one uniform clock."""
 
 from bisect import bisect_left
 from collections import Counter
@@ -11,32 +11,32 @@ from structlearn.core.errors import InputError
 from structlearn.readers.demonstration import JOINT_KINDS, Demonstration, Kind, Recording, Stream
 from structlearn.readers.source import StampPolicy
 
-# Longest hole in a stream that is bridged by interpolation unless told otherwise: robot controllers and bag
-# recorders drop out for 0.15 s now and then, a hole of more than that hides a movement.
+# Longest gap in a stream that is bridged by interpolation by default: robot controllers and bag recorders
+# occasionally drop out for 0.15 s; a longer gap hides a movement.
 MAX_GAP_S = 0.2
 
-FASTEST_HZ = 10_000.0  # no robot reports its pose more often; the stamps of a faster clock say nothing
+FASTEST_HZ = 10_000.0  # no robot reports its pose faster; the stamps of a faster clock are meaningless
 
-# Columns of each kind of stream; others have any number, constant within the stream.
+# Columns of each kind of stream; other kinds have any number, constant within the stream.
 WIDTHS: Mapping[str, int] = {"pose": 7, "twist": 6, "wrench": 6, "tool_to_board": 4}
 
-# How far a quaternion's norm may be from 1: printed digits and float32 stay well below, a wrong column or a
-# rotation given in another form does not.
+# Tolerance of a quaternion's norm: printed digits and float32 stay well below; a wrong column or another
+# representation of rotations does not.
 NORM_TOLERANCE = 1e-3
 
-# No arm and no hand that demonstrates a movement is so fast; a faster step is a jump of the sensor.
+# No demonstrating arm or hand is faster; a faster step is a jump of the sensor.
 FASTEST = {"position": (10.0, "m/s"), "orientation": (100.0, "rad/s")}
 
 
 def check_recording(recording: Recording) -> None:
-    """Check streams one by one and together.
+    """Check streams individually and together.
 
     Raises:
-        InputError: there is no pose stream, or several streams of a kind other than tactile and signals of
-            different joints; kinds of joint signals have different joints; a stream has fewer than two
-            samples, the wrong number of columns, a stamp that repeats or runs back, a value that is not
-            finite, or a quaternion whose norm is off by more than `NORM_TOLERANCE`; or two shapes have one
-            name. The message names recording, topic and row (counted from 0).
+        InputError: there is no pose stream, or several streams of a kind other than tactile and joint signals
+            of different joints; kinds of joint signals have different joints; a stream has fewer than two
+            samples, the wrong number of columns, a stamp that repeats or decreases, a value that is not
+            finite, or a quaternion whose norm is off by more than `NORM_TOLERANCE`; or two shapes have the
+            same name. The message names recording, topic and row (counted from 0).
     """
     counts = Counter(stream.kind for stream in recording.streams)
     if counts["pose"] == 0:
@@ -69,14 +69,14 @@ def check_recording(recording: Recording) -> None:
 
 
 def at_row(row: int, stamps: np.ndarray) -> str:
-    """A place in a stream for messages: row from 0, and its stamp in s, without rounding."""
+    """Row (from 0) and exact stamp in s of a sample, for messages."""
     stamp = int(stamps[row])
     sign, stamp = ("-", -stamp) if stamp < 0 else ("", stamp)
     return f"row {row} (stamp {sign}{stamp // 10**9}.{stamp % 10**9:09d} s)"
 
 
 def disorder(stamps: np.ndarray) -> str | None:
-    """The first of (T,) stamps that does not come after the one before it, in words; None: all do."""
+    """Description of the first of (T,) stamps that is not later than its predecessor, or None."""
     steps = np.diff(stamps)
     if (steps > 0).all():
         return None
@@ -86,10 +86,10 @@ def disorder(stamps: np.ndarray) -> str | None:
 
 
 def check_speed(name: str, stream: Stream) -> None:
-    """Raise an InputError that names the row where a pose jumps, faster than `FASTEST`, from one to the next.
+    """Raise InputError, naming the row, if a pose jumps faster than `FASTEST` from one sample to the next.
 
-    Bursts of messages are no jumps: a step counts as no shorter than the mean one. A turn in one step may lie
-    between two touches of a surface; a reading is off where the next one turns back.
+    Bursts of messages are not jumps: a step counts as at least the mean one. A rotation in one step may lie
+    between two touches of a surface; it is an error of the sensor if the next step reverses it.
     """
     steps_s = 1e-9 * np.diff(stream.stamps)
     steps_s = np.maximum(steps_s, np.mean(steps_s))
@@ -109,7 +109,7 @@ def check_speed(name: str, stream: Stream) -> None:
 
 
 def _fault(stream: Stream) -> str | None:
-    """The first fault of a stream in words, or None."""
+    """Description of the first fault of a stream, or None."""
     count, values = len(stream.stamps), stream.values
     if values.ndim != 2 or values.shape[1] == 0 or count != len(values):
         return f"needs a table with one row per stamp, has shape {values.shape} and {count} stamps"
@@ -132,7 +132,7 @@ def _fault(stream: Stream) -> str | None:
 
 
 def in_order(where: str, stamps: np.ndarray, policy: StampPolicy) -> tuple[np.ndarray, str | None]:
-    """Rows (M,) whose stamps, of (T,) ns, increase, and in words what the policy changed, or None."""
+    """Rows (M,) with increasing stamps, of (T,) ns, and a description of the policy's changes, or None."""
     fault = disorder(stamps)
     if fault is None:
         return np.arange(len(stamps)), None
@@ -148,12 +148,12 @@ def in_order(where: str, stamps: np.ndarray, policy: StampPolicy) -> tuple[np.nd
 
 
 def longest_increase(stamps: np.ndarray) -> np.ndarray:
-    """Places (M,) of the longest strictly increasing subsequence of (T,) numbers, by patience sorting.
+    """Indices (M,) of the longest strictly increasing subsequence of (T,) numbers, by patience sorting.
 
-    Dropping all that is not later than the latest so far would lose everything after one far stamp.
+    Dropping every stamp that is not later than the latest so far would lose all after a single outlier.
     """
-    ends: list[int] = []  # smallest last stamp of an increase of each length ...
-    places: list[int] = []  # ... and where it is
+    ends: list[int] = []  # smallest last stamp of an increasing subsequence of each length
+    places: list[int] = []  # its index
     before = np.full(len(stamps), -1)
     for place, stamp in enumerate(stamps.tolist()):
         length = bisect_left(ends, stamp)
@@ -174,25 +174,25 @@ def synchronise(
 ) -> Demonstration:
     """Sample all streams of a recording on one uniform clock.
 
-    The clock runs over the time that all streams cover: it starts at the latest of their first stamps, ticks
-    at `rate_hz` and ends at the last tick before the earliest of their last stamps. Time is counted from that
+    The clock covers the time that all streams cover: it starts at the latest of their first stamps, ticks at
+    `rate_hz` and ends at the last tick before the earliest of their last stamps. Time is counted from its
     start. Nothing is extrapolated.
 
-    Signals are interpolated linearly between neighbouring samples, orientations by slerp. For a signal x and
-    neighbouring samples `gap` apart the error is at most gap^2 / 8 * max|x''|: at 150 Hz and 10 m/s^2 that is
-    0.06 mm, over a hole of 0.15 s it is 28 mm. No filter is applied: a signal sampled down keeps its noise.
+    Signals are interpolated linearly between neighbouring samples, orientations by slerp. The error for a
+    signal x and samples `gap` apart is at most gap^2 / 8 * max|x''|: at 150 Hz and 10 m/s^2 that is 0.06 mm,
+    over a gap of 0.15 s it is 28 mm. No filter is applied: downsampled signals keep their noise.
 
     Args:
-        recording: streams with a clock each.
-        rate_hz: ticks per second; None: one over the median step of the pose stream.
+        recording: streams with their own clocks.
+        rate_hz: sampling rate; None: one over the median step of the pose stream.
         max_gap_s: longest step between neighbouring samples of a stream within the clock's time.
         refuse_jumps: False if the caller checks speeds itself, and leaves out what the sensor lost.
 
     Returns:
-        All signals at (T,) ticks. Orientations have unit norm and no jumps between Q and -Q. Several tactile
-        streams, and joint signals of several sources, are put side by side in the order of the streams. True
-        segments are counted from the new start and clipped to the clock. Where provenance says that the
-        orientation was not recorded (`"orientation": "not recorded"`), it and angular velocity are None.
+        All signals at (T,) ticks. Orientations have unit norm and no sign flips. Several tactile streams, and
+        joint signals of several sources, are concatenated in the order of the streams. True segments are
+        counted from the new start and clipped to the clock. If the provenance says that the orientation was
+        not recorded (`"orientation": "not recorded"`), it and the angular velocity are None.
 
     Raises:
         InputError: the rate is not positive, a stream fails `check_recording`, has a gap longer than
@@ -207,7 +207,7 @@ def synchronise(
     signals: dict[str, np.ndarray] = {}
     side_by_side: dict[Kind, list[np.ndarray]] = {}
     for stream in recording.streams:
-        stamps = (stream.stamps - start).astype(float)  # ns; exact: int64 before the difference
+        stamps = (stream.stamps - start).astype(float)  # ns; subtracted as int64 to stay exact
         if stream.kind == "pose":
             signals["position"] = linear(ticks, stamps, stream.values[:, :3])
             signals["orientation"] = slerp(ticks, stamps, stream.values[:, 3:])
@@ -245,7 +245,7 @@ def synchronise(
 def on_one_clock(
     name: str, streams: Sequence[Stream], rate_hz: float, max_gap_s: float = MAX_GAP_S
 ) -> tuple[np.ndarray, list[np.ndarray]]:
-    """Sample streams without orientations as `synchronise` does; none need be a pose, no value is checked.
+    """As `synchronise`, for streams without orientations; no pose is needed, and no values are checked.
 
     Returns times (T,) of the ticks in s since the start, and each stream's values (T, D).
     """
@@ -256,11 +256,11 @@ def on_one_clock(
 
 
 def held_out_error(stream: Stream) -> tuple[float, float]:
-    """Error of linear interpolation, measured: every second sample is predicted from its two neighbours.
+    """Measured error of linear interpolation: every second sample is predicted from its two neighbours.
 
-    The gaps that are bridged here are twice the stream's own, so a smooth signal suffers up to four times the
-    error of `synchronise`; noise of the sensor counts in full. Needs three samples; of a pose only the
-    position is taken. Returns the root mean squared and the largest error over all columns.
+    The gaps bridged here are twice the stream's own, so for a smooth signal the error is up to four times
+    that of `synchronise`; sensor noise counts in full. Needs three samples; for a pose only the position is
+    used. Returns the RMS and the largest error over all columns.
     """
     stamps = (stream.stamps - stream.stamps[0]).astype(float)
     values = stream.values[:, :3] if stream.kind == "pose" else stream.values
@@ -269,21 +269,21 @@ def held_out_error(stream: Stream) -> tuple[float, float]:
 
 
 def shared_stamps(sources: Sequence[np.ndarray]) -> np.ndarray:
-    """The clock on which several sources (T,) ns are put together: that of the slowest one.
+    """Common clock of several sources (T,) ns: that of the slowest one.
 
-    These are the stamps (M,) int64 ns, maybe none, of the source that has the fewest in the time that all
-    cover; of several with as few, the first. It leaves out times at which another source has a hole, more
-    than two mean steps of the slowest one: what is put together has that hole too.
+    Returns the stamps (M,) int64 ns, maybe none, of the source with the fewest in the time that all cover
+    (the first of several). Stamps within a gap of another source, longer than two mean steps of the slowest
+    one, are left out, so the combined signal keeps that gap.
     """
     start, end = max(int(one[0]) for one in sources), min(int(one[-1]) for one in sources)
     inside = [one[(one >= start) & (one <= end)] for one in sources]
     ticks = min(inside, key=len)
     if len(ticks) < 2:
         return ticks
-    longest = 2.0 * float(np.mean(np.diff(ticks)))  # in bursts most steps are short
+    longest = 2.0 * float(np.mean(np.diff(ticks)))  # the mean, because most steps in bursts are short
     bridged = np.ones(len(ticks), dtype=bool)
     for stamps in sources:
-        after = np.searchsorted(stamps, ticks)  # the first stamp that is not before the tick
+        after = np.searchsorted(stamps, ticks)  # first stamp at or after the tick
         met = stamps[after] == ticks
         bridged &= met | (stamps[after] - stamps[np.maximum(after - 1, 0)] <= longest)
     return ticks[bridged]
@@ -297,12 +297,12 @@ def linear(ticks: np.ndarray, stamps: np.ndarray, values: np.ndarray) -> np.ndar
 def slerp(ticks: np.ndarray, stamps: np.ndarray, path: np.ndarray) -> np.ndarray:
     """Interpolation of orientations: (M,), (T,), (T, 4) -> (M, 4) of unit norm, without sign flips."""
     path = quaternion.sign_continuous(quaternion.normalised(path))
-    ticks = np.clip(ticks, stamps[0], stamps[-1])  # the last tick may be rounded past the end
+    ticks = np.clip(ticks, stamps[0], stamps[-1])  # rounding may put the last tick past the end
     return quaternion.sign_continuous(quaternion.normalised(quaternion.interpolate(ticks, stamps, path)))
 
 
 def _ticks(name: str, duration: int, pose: Stream, rate_hz: float | None) -> np.ndarray:
-    """(T,) ticks in ns from 0 to `duration`; a tick at most 1e-6 steps after the end still counts."""
+    """(T,) ticks in ns from 0 to `duration`, with a tolerance of 1e-6 steps at the end."""
     if rate_hz is None:
         rate_hz = 1e9 / float(np.median(np.diff(pose.stamps)))
         if rate_hz > FASTEST_HZ:
@@ -320,9 +320,9 @@ def _ticks(name: str, duration: int, pose: Stream, rate_hz: float | None) -> np.
 
 
 def _shared_time(name: str, streams: Sequence[Stream], max_gap_s: float) -> tuple[int, int]:
-    """First ns that all streams cover, and for how many ns; an InputError where a gap in it is too long.
+    """First ns that all streams cover, and duration in ns. Raises InputError: a gap in it is too long.
 
-    Checked before there are ticks: one far stamp would ask for terabytes of them.
+    Checked before ticks are made, since one outlying stamp would ask for terabytes of them.
     """
     late = max(streams, key=lambda stream: int(stream.stamps[0]))
     early = min(streams, key=lambda stream: int(stream.stamps[-1]))

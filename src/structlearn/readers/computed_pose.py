@@ -1,11 +1,11 @@
-"""A pose that no topic has: from /tf, or from joint positions by the robot's kinematics.
+"""Poses that are not published: computed from /tf, or from joint positions by the robot's kinematics.
 
-Each transform on /tf is a stream of its own: the pose of a child frame in its parent's. Transforms at rest,
-those on the static topic and those that never change, have no clock. The others are put together on that of
+Each transform on /tf is a separate stream: the pose of a child frame in its parent's. Transforms at rest,
+those on the static topic and those that never change, have no clock. The others are combined on the clock of
 the slowest (`clock.shared_stamps`): positions are interpolated linearly, orientations by slerp.
 
-With a URDF, Pinocchio computes the pose of a link in the frame of the root. Joints are matched by their
-names; those that are not between the root and the tip do not matter.
+With a URDF, Pinocchio computes the pose of a link in the root's frame. Joints are matched by name; those that
+are not between root and tip are ignored.
 """
 
 from collections import defaultdict
@@ -34,11 +34,11 @@ Edge = tuple[str, str]  # parent and child frame
 
 @dataclass(frozen=True)
 class TransformSeries:
-    """One transform as it came: the child's pose in the parent's frame."""
+    """One transform as received: the child's pose in the parent's frame."""
 
     parent: str
     child: str
-    stamps: np.ndarray  # (T,) int64 ns in the order in which they came
+    stamps: np.ndarray  # (T,) int64 ns in order of arrival
     values: np.ndarray  # (T, 7) m, then unit quaternion w, x, y, z
 
     @property
@@ -48,7 +48,7 @@ class TransformSeries:
 
 
 def transform_series(where: str, messages: RawMessages, policy: StampPolicy) -> dict[Edge, TransformSeries]:
-    """Every transform on a topic in the order in which they came; frames without the slash of ROS 1."""
+    """Every transform on a topic, in order of arrival; the leading slash of ROS 1 frames is removed."""
     pieces = defaultdict(list)
     with fields_named(where):
         for group in decoded(where, messages):
@@ -73,7 +73,7 @@ def transform_series(where: str, messages: RawMessages, policy: StampPolicy) -> 
 
 
 def chain(where: str, edges: Sequence[Edge], parent: str, child: str) -> list[Edge]:
-    """The transforms on the way from one frame to another, in its order; either may be above the other."""
+    """Transforms along the path from one frame to another, in order; either may be above the other."""
     parent, child = parent.lstrip("/"), child.lstrip("/")
     frames = sorted({frame for edge in edges for frame in edge})
     for frame in (parent, child):
@@ -101,16 +101,16 @@ def chain(where: str, edges: Sequence[Edge], parent: str, child: str) -> list[Ed
 def transform_pose(
     where: str, messages: Mapping[str, RawMessages], pose: TransformPose, policy: StampPolicy
 ) -> tuple[Stream, str | None]:
-    """Stream of the pose of one frame in another, and what was done about stamps of its transforms.
+    """Stream of the pose of one frame in another, and how stamps of its transforms were corrected.
 
-    `messages` are those of each of `pose.topics` that the file has.
+    `messages`: per topic of `pose.topics` that the file has.
     """
     found = [
         transform_series(f"{where}: topic '{topic}'", messages[topic], policy) if topic in messages else {}
         for topic in pose.topics
     ]
     moving = {edge for edge, one in found[0].items() if one.moves}
-    series = found[1] | found[0]  # what is on both is not at rest
+    series = found[1] | found[0]  # a transform on both topics is not static
     where = f"{where}: topic '{pose.topic}'"
     way = chain(where, list(series), pose.parent, pose.child)
     moving &= set(way)
@@ -137,7 +137,7 @@ def transform_pose(
         if edge in moving:
             at, stamps = (ticks - ticks[0]).astype(float), (one.stamps - ticks[0]).astype(float)
             step, turn = linear(at, stamps, one.values[:, :3]), slerp(at, stamps, one.values[:, 3:])
-        if edge[0] != frame:  # upwards: the parent's pose in the child's frame
+        if edge[0] != frame:  # upwards: invert, to get the parent's pose in the child's frame
             turn = quaternion.conjugate(turn)
             step = -quaternion.rotate(turn, step)
         frame = edge[1] if edge[0] == frame else edge[0]
@@ -152,7 +152,7 @@ def _named(edge: Edge) -> str:
 
 
 def joint_pose(where: str, series: Sequence[JointSeries], pose: JointPose) -> Stream:
-    """Stream of the pose of a link, on the clock of the slowest of its joints (`clock.shared_stamps`)."""
+    """Stream of a link's pose, on the clock of the slowest of its joints (`clock.shared_stamps`)."""
     model, frame, joints = _kinematics(home_path(pose.urdf), pose.tip)
     logged = [name for one in series for name in one.names]
     if unknown := [name for name, _ in pose.joints if name not in logged]:
@@ -180,8 +180,8 @@ def joint_pose(where: str, series: Sequence[JointSeries], pose: JointPose) -> St
 
 
 def _kinematics(path: Path, tip: str) -> tuple[Any, int, dict[str, Any]]:
-    """Pinocchio's model, the number of a link's frame, and the joints from the root to it by name."""
-    import pinocchio  # half a second, which only computed poses wait for
+    """Pinocchio's model, the index of a link's frame, and the joints from the root to it by name."""
+    import pinocchio  # takes half a second, and is only needed for computed poses
 
     robot_element(path)
     try:
@@ -213,7 +213,7 @@ def _poses(model: Any, frame: int, joints: Sequence[Any], positions: np.ndarray)
         for joint, angle in zip(joints, angles.tolist(), strict=True):
             if joint.nq == 1:
                 configuration[joint.idx_q] = angle
-            else:  # a joint that turns without end has its cosine and sine there
+            else:  # continuous joints are represented by cosine and sine
                 configuration[joint.idx_q : joint.idx_q + 2] = np.cos(angle), np.sin(angle)
         pinocchio.forwardKinematics(model, data, configuration)
         placement = pinocchio.updateFramePlacement(model, data, frame)
@@ -224,7 +224,7 @@ def _poses(model: Any, frame: int, joints: Sequence[Any], positions: np.ndarray)
 
 
 def robot_element(path: Path) -> ElementTree.Element:
-    """The root of a URDF; an InputError if it is missing, none, or a xacro file that is not expanded."""
+    """Root element of a URDF. Raises InputError: missing, no URDF, or a xacro file that is not expanded."""
     try:
         require_file(path)
         root = ElementTree.parse(path).getroot()
@@ -232,7 +232,7 @@ def robot_element(path: Path) -> ElementTree.Element:
         raise
     except OSError as error:
         raise InputError(f"{path}: no such URDF file: {error.strerror}") from error
-    except (ElementTree.ParseError, ValueError, LookupError) as error:  # the latter two of encodings
+    except (ElementTree.ParseError, ValueError, LookupError) as error:  # the latter two for encodings
         raise InputError(f"{path}: not an XML file: {error}") from error
     if root.tag != "robot":
         raise InputError(f"{path}: not a URDF file: its root is <{root.tag}>, not <robot>")

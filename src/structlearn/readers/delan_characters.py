@@ -1,8 +1,8 @@
 """A simulated arm of two joints that writes characters, published with deep Lagrangian networks.
 
-`characters.npz` has the arrays of `data/character_data.pickle` of the repository
+`characters.npz` contains the arrays of `data/character_data.pickle` of the repository
 milutter/deep_lagrangian_networks (M. Lutter, C. Ritter, J. Peters, "Deep Lagrangian Networks", ICLR 2019) as
-`CHARACTER/ARRAY`. Of the arm neither lengths nor masses are stated.
+`CHARACTER/ARRAY`. The arm's lengths and masses are not stated.
 """
 
 from pathlib import Path
@@ -13,7 +13,7 @@ from structlearn.readers.foreign_tables import LeftOut, PublicSet, read_arrays, 
 from structlearn.readers.joint_log import PartedLog, signals_of
 
 SOURCE = PublicSet("https://github.com/milutter/deep_lagrangian_networks", "not stated", "MIT")
-ARRAYS = {  # signals and the names of their arrays
+ARRAYS = {  # array of each signal
     "positions": "qp",
     "velocities": "qv",
     "torques": "tau",
@@ -25,7 +25,7 @@ ARRAYS = {  # signals and the names of their arrays
 
 
 def read_motion(folder: Path, entry: Any = None, left_out: LeftOut = None) -> list[PartedLog]:
-    """A log per character, 25 Hz, in the order of the alphabet."""
+    """One log per character, 25 Hz, in alphabetical order."""
     path, *_ = SOURCE.files(folder, "characters.npz", "characters.npz")
     arrays = read_arrays(path)
     provenance = SOURCE.provenance(folder, [path]) | {"origin": "simulated"}

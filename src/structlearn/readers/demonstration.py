@@ -1,13 +1,13 @@
-"""Recordings with a clock for each stream, demonstrations with all signals on one clock, and tables of both.
+"""Recordings (one clock per stream), demonstrations (all signals on one clock), and tables of both.
 
-One stage per source reads what was recorded, checks it and puts it on the clock (`clock.synchronise`); all
-others read its runs: a set of demonstrations or executions. Where a protocol needs streams on clocks of their
-own, the stage writes those.
+One stage per source reads what was recorded, checks it and puts it on one clock (`clock.synchronise`); all
+other stages read its runs, a set of demonstrations or executions. If a protocol needs streams on their own
+clocks, the stage writes those.
 
-All are sets of time series in one Parquet file: a long table keyed by run, units in its schema. What differs
-from run to run and is no series (provenance, shapes, names of joints) is JSON in the schema's metadata, in
-the order of the runs. In the columns that a run did not record it is null. The same set gives the same bytes,
-and a damaged file is an error (`core.artefacts`).
+All are sets of time series in one Parquet file: a long table keyed by run, with units in its schema. Fields
+of runs that are not series (provenance, shapes, names of joints) are JSON in the schema's metadata, in the
+order of the runs. Columns that a run did not record are null. Equal sets give equal bytes, and a damaged file
+raises an error (`core.artefacts`).
 """
 
 import json
@@ -34,11 +34,11 @@ Kind = Literal[
 ]
 
 JOINT_KINDS: tuple[Kind, ...] = ("joint_positions", "joint_velocities", "joint_torques")
-"""Kinds of stream that the fields position, velocity and effort of a joint state give."""
+"""Kinds of stream from the fields position, velocity and effort of a joint state."""
 
 Form = Literal["cube", "sphere", "cylinder"]
 FORMS: tuple[Form, ...] = get_args(Form)
-"""What a shape is; a cuboid is a cube of unequal sides, as in ROS."""
+"""Forms of shapes; a cuboid is a cube with unequal sides, as in ROS."""
 
 SIGNAL_UNITS = {
     "position": "m",
@@ -52,7 +52,7 @@ SIGNAL_UNITS = {
     "tactile": "counts",
     "tool_to_board": "",
 }
-"""Sampled signals of a demonstration; quaternions w, x, y, z have no unit, a wrench is force, then torque."""
+"""Sampled signals; quaternions are w, x, y, z and have no unit, a wrench is force, then torque."""
 
 
 PARTS: Mapping[str, Sequence[str]] = {
@@ -60,57 +60,57 @@ PARTS: Mapping[str, Sequence[str]] = {
     **dict.fromkeys(("orientation", "tool_to_board"), "wxyz"),
     "wrench": ("fx", "fy", "fz", "tx", "ty", "tz"),
 }
-"""Names of a signal's columns; those of joints and electrodes are numbered from 0."""
+"""Column names of a signal; those of joints and electrodes are numbered from 0."""
 
 RUN, UNIT, RUNS = "run", b"unit", b"runs"
 
 
 @dataclass(frozen=True)
 class NamedShape:
-    """A solid at rest beside the movement: an obstacle, or what is reached for."""
+    """A solid at rest beside the movement: an obstacle, or a target."""
 
     name: str
-    form: Form  # a cylinder has the z axis of its frame as axis
+    form: Form  # the axis of a cylinder is the z axis of its frame
     position: np.ndarray  # (3,) m, its centre in the base frame
     orientation: np.ndarray  # (4,) unit quaternion w, x, y, z, shape to base frame
-    size: np.ndarray  # (3,) m, full extent along the axes of its frame
+    size: np.ndarray  # (3,) m, full extents along the axes of its frame
 
 
 @dataclass(frozen=True)
 class Stream:
-    """Samples of one source with its own, possibly irregular, clock."""
+    """Samples of one source on its own, possibly irregular, clock."""
 
-    topic: str  # where it was published, for messages
-    # what the columns mean. pose: x, y, z in m, then quaternion w, x, y, z (scalar first). twist: linear m/s,
-    # then angular rad/s in the base frame. joint_*: rad, rad/s, N m. wrench: force N, then torque N m.
+    topic: str  # topic of the source, for messages
+    # meaning of the columns. pose: x, y, z in m, then quaternion w, x, y, z (scalar first). twist: linear
+    # m/s, then angular rad/s in the base frame. joint_*: rad, rad/s, N m. wrench: force N, then torque N m.
     # tactile: sensor counts. tool_to_board: quaternion w, x, y, z of the tool relative to the board
     kind: Kind
     stamps: np.ndarray  # (T,) int64 ns, as recorded
     values: np.ndarray  # (T, D) float64
-    joints: tuple[str, ...] = ()  # (D,) names of the joints of a joint signal, where known
+    joints: tuple[str, ...] = ()  # (D,) names of the joints of a joint signal, if known
 
 
 @dataclass(frozen=True)
 class Recording:
-    """Streams of one demonstration before they are put on one clock."""
+    """Streams of one demonstration before synchronisation."""
 
     name: str  # unique within its set
-    # at most one of each kind, except tactile (a stream per finger) and joint signals, where a robot and its
-    # hand have a clock each
+    # at most one of each kind, except tactile (one stream per finger) and joint signals (a robot and its hand
+    # may have separate clocks)
     streams: tuple[Stream, ...]
-    # (P, 2) start and end of each primitive in s since the first stamp of the pose; known only if simulated
+    # (P, 2) start and end of each primitive in s since the first stamp of the pose; simulated only
     true_segments: np.ndarray | None = None
     # what is known of the origin, string to string; `origin` is `simulated` or `recorded`
     provenance: Mapping[str, str] = field(default_factory=dict)
-    shapes: tuple[NamedShape, ...] = ()  # solids around the movement, where recorded
+    shapes: tuple[NamedShape, ...] = ()  # solids around the movement, if recorded
 
     @property
     def joint_names(self) -> tuple[str, ...]:
-        """Names of the joints, in the order of the first kind of joint signal that names them; or none."""
+        """Names of the joints, from the first kind of joint signal that names them; else empty."""
         return next((names for kind in JOINT_KINDS if (names := self.joints_of(kind))), ())
 
     def joints_of(self, kind: Kind) -> tuple[str, ...]:
-        """Names of the joints of all streams of one kind, side by side."""
+        """Concatenated joint names of all streams of one kind."""
         return tuple(name for stream in self.streams if stream.kind == kind for name in stream.joints)
 
 
@@ -118,29 +118,29 @@ class Recording:
 class Demonstration:
     """Signals of one demonstration (or execution) on one uniform clock.
 
-    Whether it was simulated, recorded by a robot or read from a user's bag makes no difference from here on.
+    Simulated data, a robot's recordings and a user's bags are treated alike from here on.
     """
 
-    name: str  # unique within its set; error messages and tables use it
+    name: str  # unique within its set; used in error messages and tables
     time: np.ndarray  # (T,) s, starts at 0, uniform step
     position: np.ndarray  # (T, 3) m, end-effector in the base frame
-    # (T, 4) unit quaternion w, x, y, z, sign-continuous; None where not recorded
+    # (T, 4) unit quaternion w, x, y, z, sign-continuous; None if not recorded
     orientation: np.ndarray | None = None
-    # (T, 3) m/s where recorded; otherwise it is derived from the position when needed
+    # (T, 3) m/s, if recorded; otherwise derived from the position when needed
     velocity: np.ndarray | None = None
-    angular_velocity: np.ndarray | None = None  # (T, 3) rad/s in the base frame, where recorded
-    joint_positions: np.ndarray | None = None  # (T, J) rad, where recorded
-    joint_velocities: np.ndarray | None = None  # (T, J) rad/s, where recorded
-    joint_torques: np.ndarray | None = None  # (T, J) N m, where recorded
-    wrench: np.ndarray | None = None  # (T, 6) force in N, torque in N m, where recorded
-    tactile: np.ndarray | None = None  # (T, E) sensor counts, where recorded
-    # (T, 4) orientation of the tool relative to the board, sign-continuous, where recorded
+    angular_velocity: np.ndarray | None = None  # (T, 3) rad/s in the base frame, if recorded
+    joint_positions: np.ndarray | None = None  # (T, J) rad, if recorded
+    joint_velocities: np.ndarray | None = None  # (T, J) rad/s, if recorded
+    joint_torques: np.ndarray | None = None  # (T, J) N m, if recorded
+    wrench: np.ndarray | None = None  # (T, 6) force in N, torque in N m, if recorded
+    tactile: np.ndarray | None = None  # (T, E) sensor counts, if recorded
+    # (T, 4) orientation of the tool relative to the board, sign-continuous, if recorded
     tool_to_board: np.ndarray | None = None
-    joint_names: tuple[str, ...] = ()  # (J,) in the order of the columns, where known
+    joint_names: tuple[str, ...] = ()  # (J,) in the order of the columns, if known
     true_segments: np.ndarray | None = None  # (P, 2) start and end of each primitive in s, if simulated
     # what is known of the origin (simulated or recorded, seed, source, licence)
     provenance: Mapping[str, str] = field(default_factory=dict)
-    shapes: tuple[NamedShape, ...] = ()  # solids at rest around the movement, where recorded
+    shapes: tuple[NamedShape, ...] = ()  # solids at rest around the movement, if recorded
 
     def __post_init__(self) -> None:
         length = len(self.time)
@@ -157,7 +157,7 @@ class Demonstration:
         return float(self.time[-1] - self.time[0]) / (len(self.time) - 1)
 
     def signal(self, name: str) -> np.ndarray:
-        """One of `SIGNAL_UNITS`; an InputError if it was not recorded."""
+        """One of `SIGNAL_UNITS`. Raises InputError: it was not recorded."""
         values = getattr(self, name)
         if values is None:
             raise InputError(f"{self.name}: has no {name}")
@@ -171,24 +171,24 @@ class Demonstration:
 
 @dataclass(frozen=True)
 class Series:
-    """The time series of one run."""
+    """Time series of one run."""
 
     name: str  # unique within its set
     columns: Mapping[str, np.ndarray]  # (T,) each, finite
-    about: Mapping[str, Any] = field(default_factory=dict)  # what else is known of the run, as JSON has it
+    about: Mapping[str, Any] = field(default_factory=dict)  # other fields of the run, JSON-serialisable
 
     def stacked(self, names: Sequence[str]) -> np.ndarray:
-        """(T, D) of some columns, in C order."""
+        """Selected columns (T, D), C-contiguous."""
         return np.stack([self.columns[name] for name in names], axis=1)
 
 
 def columns_of(signal: str, values: np.ndarray, parts: Iterable[Any]) -> dict[str, np.ndarray]:
-    """Columns SIGNAL.PART of a signal (T, D) with names of its parts."""
+    """Columns SIGNAL.PART of a signal (T, D), with the given names of its parts."""
     return {f"{signal}.{part}": column for part, column in zip(parts, values.T, strict=True)}
 
 
 def write_series(runs: Sequence[Series], units: Mapping[str, str], target: str | Path) -> None:
-    """Publish a set of runs, maybe none; units by column, or by its name up to the first point."""
+    """Publish a set of runs, maybe empty; units by column, or by its name up to the first point."""
     names = list(dict.fromkeys(name for run in runs for name in run.columns))
     lengths = [len(next(iter(run.columns.values()))) for run in runs]
     index = pyarrow.array(np.repeat(np.arange(len(runs), dtype=np.int32), lengths))
@@ -207,11 +207,11 @@ def write_series(runs: Sequence[Series], units: Mapping[str, str], target: str |
     about = json.dumps({run.name: dict(run.about) for run in runs})
     schema = pyarrow.schema(fields, metadata={RUNS: about.encode()})
     table = pyarrow.Table.from_arrays(arrays, schema=schema)
-    write_arrow(table, target, use_dictionary=[RUN], use_byte_stream_split=names)  # noise: 0.7 of the size
+    write_arrow(table, target, use_dictionary=[RUN], use_byte_stream_split=names)  # saves 30 % on noisy data
 
 
 def read_series(path: str | Path) -> list[Series]:
-    """Read a set of runs in their order; an InputError if it is missing, damaged or holds something else."""
+    """Read a set of runs in order. Raises InputError: missing, damaged or another file."""
     table = read_arrow(path)
     about = (table.schema.metadata or {}).get(RUNS)
     if about is None:
@@ -233,7 +233,7 @@ def read_series(path: str | Path) -> list[Series]:
 
 
 def write_runs(runs: Sequence[Demonstration], target: str | Path) -> None:
-    """Publish a set of runs as a Parquet table, a column per component, e.g. `position.x` in m."""
+    """Publish a set of runs as a Parquet table with a column per component, e.g. `position.x` in m."""
     series = []
     for run in runs:
         columns = {"time": run.time}
@@ -276,7 +276,7 @@ def read_runs(path: str | Path) -> list[Demonstration]:
 
 
 def write_streams(recordings: Sequence[Recording], target: str | Path) -> None:
-    """Publish the streams of recordings, a series each, stamps in ns; shapes and joints' names are lost."""
+    """Publish the streams of recordings, one series each, stamps in ns; without shapes and joint names."""
     series = []
     for one in recordings:
         for place, stream in enumerate(one.streams):
@@ -288,7 +288,7 @@ def write_streams(recordings: Sequence[Recording], target: str | Path) -> None:
 
 
 def read_streams(path: str | Path) -> list[Recording]:
-    """Read what `write_streams` wrote."""
+    """Read the file of `write_streams`."""
     streams: dict[str, list[Stream]] = {}
     provenance = {}
     for one in read_series(path):

@@ -1,8 +1,8 @@
-"""Public recordings of a magnetic skin that a probe presses at known places, and with a known force.
+"""Public recordings of a magnetic skin, pressed by a probe at known places and with known forces.
 
 Files of the repository notvenky/eFlesh (V. Pattabiraman et al., "eFlesh: highly customizable magnetic touch
 sensing using cut-cell microstructures"), folder `characterization/datasets`. The skin's 15 channels and the
-probe have clocks of their own; readings take the state of the nearest time.
+probe have separate clocks; each reading is paired with the nearest state of the probe.
 """
 
 from pathlib import Path
@@ -15,20 +15,20 @@ from structlearn.readers.user_tables import TouchLog
 
 SOURCE = PublicSet("https://github.com/notvenky/eFlesh", "ab5ca56a87df7cbf59264138998bf74efc216b13", "MIT")
 
-# Channels in the order of the columns: three axes of five magnetometers, and of two skins side by side.
+# Channels in the order of the columns: three axes of five magnetometers, and of two skins side by side
 CHANNELS = tuple(f"{magnetometer}{axis}" for magnetometer in range(1, 6) for axis in "xyz")
 TWO_SKINS = tuple(f"{magnetometer}{axis}" for magnetometer in range(1, 11) for axis in "xyz")
 
-# Kinds of runs: over a grid of places, and on a scale up and down at one place, or along the skin.
+# Kinds of runs: a grid of places; on a scale, up and down at one place; on a scale, along the skin
 PRESSES, STROKES, SHEAR = "presses", "strokes", "shear"
 FOLDERS = {PRESSES: "spatial_resolution", STROKES: "normal_force", SHEAR: "shear_force"}
 
-STANDARD_GRAVITY = 9.80665  # m/s^2: the scale weighs in grams
-MISSING = -1.0  # in the log where the scale gave no reading
+STANDARD_GRAVITY = 9.80665  # m/s^2: the scale reads grams
+MISSING = -1.0  # logged if the scale gave no reading
 
 
 def read_touch(folder: Path, entry: object, left_out: dict[str, str]) -> list[TouchLog]:
-    """All runs, over places and on a scale, each kind in the order of their names, which are times."""
+    """All runs, over places and on a scale, each kind sorted by name, which is a time."""
     found = {kind: read_runs(folder, kind, left_out) for kind in FOLDERS}
     if not found[PRESSES]:
         raise MissingInputError(f"{folder}: holds no run ({FOLDERS[PRESSES]}/RUN/states.csv)")
@@ -36,15 +36,15 @@ def read_touch(folder: Path, entry: object, left_out: dict[str, str]) -> list[To
 
 
 def read_runs(folder: Path, kind: str, left_out: LeftOut = None) -> list[TouchLog]:
-    """All runs of one kind, a key of `FOLDERS`, in the order of their names."""
+    """All runs of one kind, a key of `FOLDERS`, sorted by name."""
     paths = sorted(path.parent for path in (folder / FOLDERS[kind]).glob("*/states.csv"))
     return read_each(lambda path: read_run(path, folder, kind), paths, left_out)
 
 
 def read_run(path: Path, root: Path, kind: str) -> TouchLog:
-    """One run of a kind from a folder below that of the data set; on a scale, states end with its reading.
+    """One run of a kind, from a folder below the data set's; on a scale, states end with its reading.
 
-    The resting reading is subtracted from the counts; the place is the commanded one, z pointing away from
+    The resting reading is subtracted from the counts; the place is as commanded, with z pointing away from
     the skin.
     """
     files = [path / "states.csv", path / "sensor_post_baselines.csv"]
@@ -79,7 +79,7 @@ def read_run(path: Path, root: Path, kind: str) -> TouchLog:
 
 
 def nearest_rows(stamps: np.ndarray, asked: np.ndarray) -> np.ndarray:
-    """Rows of rising stamps (T,) that are nearest to others (N,), the earlier one of a tie."""
+    """Rows of increasing stamps (T,) nearest to other stamps (N,); the earlier of a tie."""
     after = np.searchsorted(stamps, asked).clip(1, max(len(stamps) - 1, 1))
     after = np.minimum(after, len(stamps) - 1)
     before = np.maximum(after - 1, 0)

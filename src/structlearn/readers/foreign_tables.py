@@ -1,4 +1,4 @@
-"""Tables and arrays that others wrote: text, with faults named by file and line (from 1), Parquet, .npz."""
+"""Third-party tables and arrays: text (faults named by file and line, from 1), Parquet, .npz."""
 
 import csv
 import re
@@ -18,29 +18,29 @@ from structlearn.core.reading import LARGEST, Budget, digest, require_file
 
 T = TypeVar("T")
 LeftOut = dict[str, str] | None
-"""Why files are left out, by their names; None where none may be."""
+"""Reasons why files are left out, by name; None if none may be left out."""
 
 OF_ITS_NOTES = (ValueError, TypeError, LookupError, AttributeError)
-"""What pandas raises where a Parquet file's notes on its types are damaged, which no checksum covers."""
+"""Errors of pandas if a Parquet file's type metadata are damaged, which no checksum covers."""
 
 
 @dataclass(frozen=True)
 class PublicSet:
-    """Where and how a set of recordings was published."""
+    """Repository, commit and licence of a published set of recordings."""
 
     repository: str
     commit: str
     licence: str
 
     def files(self, folder: Path, pattern: str, kind: str) -> list[Path]:
-        """Files below a folder in natural order of their paths; without any a MissingInputError."""
+        """Files below a folder in natural order of their paths. Raises MissingInputError: there are none."""
         found = sorted(folder.rglob(pattern), key=lambda path: natural_order(path.as_posix()))
         if not found:
             raise MissingInputError(f"{folder}: holds no {kind}")
         return found
 
     def provenance(self, root: Path, files: Sequence[Path]) -> dict[str, str]:
-        """Origin "recorded", the set, the files of a recording below the root, and their SHA-256."""
+        """Provenance: origin "recorded", the set, and the files of a recording with their SHA-256."""
         return {
             "origin": "recorded",
             "source": self.repository,
@@ -52,12 +52,12 @@ class PublicSet:
 
 
 def natural_order(name: str) -> list[str | int]:
-    """Key that sorts runs of digits in a name as numbers; odd places are numbers, so keys compare."""
+    """Sort key that compares runs of digits as numbers."""
     return [int(part) if place % 2 else part for place, part in enumerate(re.split(r"(\d+)", name))]
 
 
 def read_each(read: Callable[[Path], T], paths: Iterable[Path], left_out: LeftOut) -> list[T]:
-    """Read files one by one; with a dict for the reasons, those that cannot be read are left out."""
+    """Read files one by one; unreadable ones are left out if there is a dict for the reasons."""
     found = []
     for path in paths:
         try:
@@ -70,7 +70,7 @@ def read_each(read: Callable[[Path], T], paths: Iterable[Path], left_out: LeftOu
 
 
 def read_text(path: Path) -> str:
-    """A whole text file, without a mark of its byte order."""
+    """Contents of a text file, without a byte-order mark."""
     try:
         require_file(path)
         return path.read_text(encoding="utf-8-sig")
@@ -83,16 +83,17 @@ def read_text(path: Path) -> str:
 def read_table(
     path: str | Path, columns: int, separator: str | None = None, header_lines: int = 0
 ) -> np.ndarray:
-    """(T, columns) float64 of a text file; separator None: white space. Blank lines are skipped."""
+    """(T, columns) float64 of a text file; separator None: whitespace. Blank lines are skipped."""
     return _numbers(path, _lines(path, separator, header_lines), columns, separator)
 
 
 def read_stamped_table(
     path: str | Path, columns: int, separator: str | None = None, header_lines: int = 0
 ) -> tuple[np.ndarray, np.ndarray]:
-    """A table whose first column is a time in s: (T,) int64 ns, and (T, columns - 1) float64.
+    """A table with times in s in the first column: (T,) int64 ns, and (T, columns - 1) float64.
 
-    Times are taken as decimal numbers: a float of Unix time in s is 240 ns coarse. Otherwise as `read_table`.
+    Times are parsed as decimal numbers, since float64 resolves Unix time in s to 240 ns only. Otherwise as
+    `read_table`.
     """
     lines = _lines(path, separator, header_lines)
     stamps = [
@@ -113,12 +114,12 @@ def read_arrays(path: Path) -> dict[str, np.ndarray]:
             return {name: arrays[name].astype(np.float64, casting="same_kind") for name in arrays.files}
     except InputError:
         raise
-    except Exception as error:  # of zip files, headers and numbers of any kind
+    except Exception as error:  # any error of zip files, headers and numbers
         raise InputError(f"{path}: cannot be read as arrays: {error}") from error
 
 
 def read_parquet(path: Path, needed: Sequence[str] | None = None) -> pd.DataFrame:
-    """Some columns of a Parquet table, by default all; words become categories, which take less memory."""
+    """Columns of a Parquet table, default: all; strings become categories, which take less memory."""
     try:
         require_file(path, whole=False)
         schema = pyarrow.parquet.read_schema(path)
@@ -146,7 +147,7 @@ def read_parquet(path: Path, needed: Sequence[str] | None = None) -> pd.DataFram
 
 
 def read_rows(path: Path, columns: Sequence[str]) -> list[tuple[str, dict[str, str]]]:
-    """Rows of a CSV file with headings, as words, each with its file and line."""
+    """Rows of a CSV file with a header, as strings, each with its file and line."""
     try:
         header, *rows = list(csv.reader(read_text(path).splitlines(keepends=True))) or [[]]
     except csv.Error as error:
@@ -165,7 +166,7 @@ def read_rows(path: Path, columns: Sequence[str]) -> list[tuple[str, dict[str, s
 
 
 def finite_numbers(where: str, words: Sequence[str]) -> list[float]:
-    """Numbers of a line; an InputError where one is none or not finite."""
+    """Numbers of a line. Raises InputError: one is not a number or not finite."""
     try:
         values = [float(word) for word in words]
     except ValueError as error:
@@ -177,25 +178,25 @@ def finite_numbers(where: str, words: Sequence[str]) -> list[float]:
 
 
 def stamps_of(path: Path, seconds: np.ndarray) -> np.ndarray:
-    """(T,) int64 ns of times in s; an InputError where they are none."""
+    """(T,) int64 ns of times in s. Raises InputError: these are not times."""
     if seconds.ndim != 1 or not np.isfinite(seconds).all() or np.abs(seconds).max(initial=0.0) > 9e9:
         raise InputError(f"{path}: times are no times in s")
     return np.round(1e9 * seconds).astype(np.int64)
 
 
 def uniform_stamps(count: int, rate_hz: float) -> np.ndarray:
-    """(count,) int64 ns of a log without times, from 0 at a known rate."""
+    """(count,) int64 ns for a log without times, from 0 at a known rate."""
     return np.round(np.arange(count) * (1e9 / rate_hz)).astype(np.int64)
 
 
 def check_rising(path: Path, stamps: np.ndarray) -> None:
-    """Raise an InputError unless each line (T,) comes after the one before it."""
+    """Raise InputError unless each line's stamp (T,) is later than the one before."""
     if (late := np.diff(stamps) <= 0).any():
         raise InputError(f"{path}: line {int(np.argmax(late)) + 2} does not come after the one before it")
 
 
 def _lines(path: str | Path, separator: str | None, header_lines: int) -> dict[int, str]:
-    """Lines that are not blank, by their number from 1, without a separator at their end."""
+    """Lines that are not blank, by number from 1, without a trailing separator."""
     stripped = map(str.strip, read_text(Path(path)).split("\n")[header_lines:])
     lines = {number: line for number, line in enumerate(stripped, start=header_lines + 1) if line}
     if not lines:
@@ -204,12 +205,12 @@ def _lines(path: str | Path, separator: str | None, header_lines: int) -> dict[i
 
 
 def _numbers(path: str | Path, lines: Mapping[int, str], columns: int, separator: str | None) -> np.ndarray:
-    """(T, columns) float64 of the lines."""
+    """(T, columns) float64 from lines."""
     try:
         table = np.loadtxt(list(lines.values()), delimiter=separator, comments=None, ndmin=2)
         if table.shape == (len(lines), columns) and np.isfinite(table).all():
             return table
-    except ValueError:  # does not name the line, which is found below
+    except ValueError:  # does not name the line, which is searched for below
         pass
     rows = []
     for line, text in lines.items():

@@ -1,12 +1,12 @@
-"""Logs of a robot's joints: motion and torques, or motor currents, on one clock, with the joints' names.
+"""Joint logs: motion with torques or motor currents on one clock, and the names of the joints.
 
 A dynamics model is learned from joints alone, so a log needs no end-effector pose, unlike a `Recording`.
-Stages hand logs on as tables; a robot's own log is a bag (`bag_recording.read_joint_log`).
+Stages exchange logs as tables; a robot's own log is a bag (`bag_recording.read_joint_log`).
 
-Joint states of one topic are told apart by the names of the joints (`joint_series`). On `/joint_states` a
-robot, its gripper and its hand often publish side by side, each at its own pace, and a message may have some
-of the joints only. Joints that always come together are one series with one clock. Joints that ever come
-together, directly or through others, belong to one publisher.
+Joint states of one topic are separated by the names of the joints (`joint_series`). On `/joint_states` a
+robot, its gripper and its hand often publish side by side, each at its own rate, and a message may contain
+only some of the joints. Joints that always occur together are one series with one clock. Joints that ever
+occur together, directly or through others, belong to one publisher.
 """
 
 from collections.abc import Iterator, Mapping, Sequence
@@ -44,25 +44,25 @@ UNITS = {
     "inertial": "N m",
     "coriolis": "N m",
     "gravity": "N m",
-}  # of the signals of revolute joints
+}  # for revolute joints
 
-MOST_JOINTS = 1000  # of a topic or a robot; humanoids with both hands have a hundred
+MOST_JOINTS = 1000  # per topic or robot; humanoids with both hands have a hundred
 
 
 @dataclass(frozen=True)
 class MotionLog:
-    """Motion of joints as it came, at possibly irregular times."""
+    """Motion of joints as recorded, at possibly irregular times."""
 
     name: str  # unique within its set
     joints: tuple[str, ...]  # (n,) names in the order of the columns
     stamps: np.ndarray  # (T,) int64 ns, increasing
-    positions: np.ndarray  # (T, n) rad (m where prismatic)
+    positions: np.ndarray  # (T, n) rad (m for prismatic joints)
     velocities: np.ndarray  # (T, n) rad/s
     # what is known of the origin; `origin` is `simulated` or `recorded`
     provenance: Mapping[str, str] = field(default_factory=dict, kw_only=True)
 
     def __post_init__(self) -> None:
-        """Raise an InputError naming log and row if shapes differ, stamps do not increase or NaNs occur."""
+        """Raise InputError, naming log and row: wrong shapes, stamps that do not increase, or NaN."""
         count, width = len(self.stamps), len(self.joints)
         if count < 2:
             raise InputError(f"{self.name}: needs at least two samples, has {count}")
@@ -90,27 +90,27 @@ class MotionLog:
 
 @dataclass(frozen=True)
 class JointLog(MotionLog):
-    """A log with torques (T, n) in N m, positive when they accelerate the joint forwards."""
+    """A log with torques (T, n) in N m, positive if they accelerate the joint in its positive direction."""
 
     torques: np.ndarray
 
 
 @dataclass(frozen=True)
 class DriveLog(MotionLog):
-    """A log of an arm without torque sensors; a drive gives a gain times its current."""
+    """A log of an arm without torque sensors; a drive's torque is a gain times its current."""
 
     currents: np.ndarray  # (T, n) A, measured
     desired_currents: np.ndarray  # (T, n) A, set by the controller
-    target_torques: np.ndarray  # (T, n) N m, that the controller computes; no measurement
+    target_torques: np.ndarray  # (T, n) N m, computed by the controller, not measured
 
 
 @dataclass(frozen=True)
 class PartedLog(JointLog):
-    """A simulated log, with accelerations and the parts whose sum the torques are, (T, n) each."""
+    """A simulated log, with accelerations and the additive parts of the torques, (T, n) each."""
 
     accelerations: np.ndarray
     inertial: np.ndarray
-    coriolis: np.ndarray  # and centrifugal
+    coriolis: np.ndarray  # including centrifugal torques
     gravity: np.ndarray
 
 
@@ -138,7 +138,7 @@ def read_log_table(
     path: str | Path,
     kind: type[Log] = JointLog,  # type: ignore[assignment]  # mypy binds no default to a type variable
 ) -> list[Log]:
-    """Read a set of logs in the order in which they were written; InputError if of another kind."""
+    """Read a set of logs in the order of writing. Raises InputError: it is another kind."""
     logs = []
     for run in read_series(path):
         try:
@@ -155,22 +155,22 @@ def read_log_table(
 class JointSeries:
     """Signals of joints that share a clock."""
 
-    topic: str  # where they were published
-    names: tuple[str, ...]  # (J,) of the joints; or none, where messages name none
-    publisher: int  # its number within the topic
+    topic: str  # topic of publication
+    names: tuple[str, ...]  # (J,) joint names; empty if messages have none
+    publisher: int  # index within the topic
     stamps: np.ndarray  # (T,) int64 ns, increasing
-    values: Mapping[Kind, np.ndarray]  # (T, J) of each kind that is filled
+    values: Mapping[Kind, np.ndarray]  # (T, J) per kind that is filled
 
     def streams(self) -> list[Stream]:
-        """One for each kind."""
+        """One stream per kind."""
         return [Stream(self.topic, kind, self.stamps, its, self.names) for kind, its in self.values.items()]
 
     def renamed(self, names: Mapping[str, str]) -> "JointSeries":
-        """With other names for some joints, e.g. those of a URDF."""
+        """Series with other names for some joints, e.g. those of a URDF."""
         return replace(self, names=tuple(names.get(name, name) for name in self.names))
 
     def of_joints(self, names: Sequence[str]) -> "JointSeries | None":
-        """The columns of some joints, in their order; None if it has none of them."""
+        """Columns of some joints, in the given order; None if it has none of them."""
         mine = tuple(name for name in names if name in self.names)
         columns = [self.names.index(name) for name in mine]
         values = {kind: its.take(columns, axis=1) for kind, its in self.values.items()}
@@ -180,10 +180,10 @@ class JointSeries:
 def joint_series(
     where: str, topic: str, messages: RawMessages, policy: StampPolicy
 ) -> tuple[list[JointSeries], str | None]:
-    """Joint states of one topic, in the order in which they came first, and what was done about their stamps.
+    """Joint states of one topic, in order of first appearance, and how their stamps were corrected.
 
-    A field that is NaN throughout counts as not filled, since drivers put NaN for what they do not measure.
-    Joints are in the order in which a message first had them.
+    A field that is all NaN counts as not filled, since drivers send NaN for signals they do not measure.
+    Joints are in the order in which messages first name them.
     """
     groups = decoded(where, messages)
     tables: dict[Kind, tuple[np.ndarray, np.ndarray]] = {}
@@ -221,9 +221,9 @@ def joint_series(
 def chosen(
     where: str, series: Sequence[JointSeries], joints: Sequence[str] | None
 ) -> tuple[list[JointSeries], list[str]]:
-    """The series of the joints that are wanted, in their order, and the joints that are left out.
+    """Series of the requested joints, in that order, and the joints that are left out.
 
-    Without names these are the joints of the publisher that has the most, of several the first.
+    Without a request, the joints are those of the publisher with the most (the first of several).
     """
     present = [name for one in series for name in one.names]
     if joints is None:
@@ -246,7 +246,7 @@ def chosen(
 def _joints(
     where: str, stamps: np.ndarray, groups: Sequence[Decoded], orders: Sequence[tuple[str, ...]]
 ) -> tuple[str, ...]:
-    """All joints in the order in which a message first named them; `orders`: of each group of messages."""
+    """All joints in order of first appearance; `orders`: joint names of each group of messages."""
     for group, names in zip(groups, orders, strict=True):
         if len(set(names)) < len(names):
             twice = next(name for name in names if names.count(name) > 1)
@@ -263,7 +263,7 @@ def _joints(
 def _clocks(
     groups: Sequence[Decoded], orders: Sequence[tuple[str, ...]], joints: Sequence[str]
 ) -> Iterator[tuple[int, tuple[str, ...], np.ndarray]]:
-    """Joints that always come together: their publisher, their names, the messages (M,) that have them."""
+    """Joints that always occur together: publisher, names, and the messages (M,) that contain them."""
     rows: dict[frozenset[str], list[np.ndarray]] = {}
     for group, names in zip(groups, orders, strict=True):
         rows.setdefault(frozenset(names), []).append(group.rows)
@@ -271,7 +271,7 @@ def _clocks(
     together: dict[tuple[int, ...], list[str]] = {}
     for name in joints:
         together.setdefault(tuple(n for n, its in enumerate(sets) if name in its), []).append(name)
-    publishers = list(range(len(sets)))  # of each set; sets with a joint in common have one
+    publishers = list(range(len(sets)))  # per set; sets with a common joint share one
     for has in together:
         one = {publishers[number] for number in has}
         publishers = [min(one) if publisher in one else publisher for publisher in publishers]

@@ -1,9 +1,9 @@
-"""The reader `lerobot`: episodes of a LeRobotDataset, v3.0, as demonstrations of movements.
+"""The reader `lerobot`: episodes of a LeRobotDataset v3.0 as demonstrations of movements.
 
-The pose is a feature whose columns are named x, y, z and, where orientations were recorded, qw, qx, qy, qz
-(`topics: {pose: observation.pose}`), or is computed from joints by a URDF
-(`topics: {pose: {urdf: .., tip: .., topic: observation.state}}`), whose columns have the joints' names, with
-or without `.pos` behind them. Other signals are taken by the names of their features likewise. Videos are not
+The pose is a feature with columns x, y, z and, if orientations were recorded, qw, qx, qy, qz
+(`topics: {pose: observation.pose}`), or is computed by a URDF from joints
+(`topics: {pose: {urdf: .., tip: .., topic: observation.state}}`), with the joints' names as column names,
+optionally followed by `.pos`. Other signals are likewise given by the names of their features. Videos are not
 read.
 """
 
@@ -27,12 +27,12 @@ from structlearn.readers.source import JointPose
 VERSION = "v3."
 POSE = ("x", "y", "z", "qw", "qx", "qy", "qz")
 GROUPED_BY = "episode_index"
-# Streams that features become, by the role of their topic, without the pose.
+# Kind of stream by the role of a feature's topic, except for the pose
 KINDS: Mapping[str, Kind] = {"joint_states": "joint_positions", "wrench": "wrench", "tactile": "tactile"}
 
 
 def read_movement(folder: Path, entry: Any, left_out: dict[str, str]) -> list[Recording]:
-    """Every episode with the signals of the entry's topics, named by its number."""
+    """Every episode, named by its number, with the signals of the entry's topics."""
     topics, found = entry.topics, []
     with holding(folder, "LeRobotDataset that can be read"):
         info = read_info(folder)
@@ -58,7 +58,7 @@ def read_movement(folder: Path, entry: Any, left_out: dict[str, str]) -> list[Re
             else:
                 listing = f"{topics.pose} has the columns {', '.join(axes)}"
                 raise InputError(f"{where}: {listing}, not {', '.join(POSE)}")
-            if pose.shape[1] == 3:  # no orientation was recorded
+            if pose.shape[1] == 3:  # orientation not recorded
                 pose = np.hstack([pose, np.tile([1.0, 0.0, 0.0, 0.0], (len(stamps), 1))])
                 provenance["orientation"] = "not recorded"
             streams = [Stream("pose", "pose", stamps, pose)]

@@ -1,14 +1,15 @@
-"""Between raw ROS 2 messages and streams: what each message type means.
+"""Conversion between raw ROS 2 messages and streams: the meaning of each message type.
 
-Stamps. A topic whose messages have a header is stamped by the header: when the sample was taken. Where no
-header stamp of the topic is set (all are zero), for types without a header, and where the user says so, the
-log time is used: when the recorder got it. The choice is made per topic, so that a simulator's clock may
-start at zero. Joint states are told apart by joint, see `joint_log`.
+Stamps. Messages with a header are stamped by the header: the time of the sample. If no header stamp of a
+topic is set (all are zero), for types without a header, and on request, the log time is used: the time of
+reception by the recorder. The choice is made per topic, so that a simulator's clock may start at zero. Joint
+states are separated by joint, see `joint_log`.
 
-Shapes. A topic of markers gives named shapes: cubes, spheres and cylinders at rest. Its first message counts.
+Shapes. A topic of markers gives named shapes: cubes, spheres and cylinders at rest. Only its first message is
+used.
 
-Frames. Poses, twists and wrenches are taken as published; that their frame is the robot's base is up to the
-user, unless the pose is named by its frames (see `computed_pose`).
+Frames. Poses, twists and wrenches are taken as published; it is up to the user that their frame is the
+robot's base, unless the pose is given by frame names (see `computed_pose`).
 """
 
 import re
@@ -35,13 +36,13 @@ from structlearn.readers.clock import at_row, in_order
 from structlearn.readers.demonstration import JOINT_KINDS, Form, Kind, NamedShape, Stream
 from structlearn.readers.source import Role, StampPolicy
 
-FRAME = "base"  # of what we write: the robot's base
+FRAME = "base"  # frame_id that we write: the robot's base
 LAST_STAMP = 2**31 * 10**9 - 1  # ns: seconds of a header are int32
 
-# Field of a joint state that each kind of stream comes from.
+# Field of a joint state for each kind of stream
 FIELDS: Mapping[Kind, str] = dict(zip(JOINT_KINDS, ("position", "velocity", "effort"), strict=True))
 
-MESSAGE_TYPES: Mapping[Kind, str] = {  # in which each kind of stream is written
+MESSAGE_TYPES: Mapping[Kind, str] = {  # type that each kind of stream is written as
     **dict.fromkeys(JOINT_KINDS, "sensor_msgs/msg/JointState"),
     "pose": "geometry_msgs/msg/PoseStamped",
     "twist": "geometry_msgs/msg/TwistStamped",
@@ -49,8 +50,8 @@ MESSAGE_TYPES: Mapping[Kind, str] = {  # in which each kind of stream is written
     "tactile": "std_msgs/msg/Float32MultiArray",
     "tool_to_board": "geometry_msgs/msg/QuaternionStamped",
 }
-SHAPES_TYPE = "visualization_msgs/msg/MarkerArray"  # one message for all: rviz, Foxglove and rerun draw it
-SOLIDS: Mapping[int, Form] = {1: "cube", 2: "sphere", 3: "cylinder"}  # by the type of the marker
+SHAPES_TYPE = "visualization_msgs/msg/MarkerArray"  # one message for all; drawn by rviz, Foxglove and rerun
+SOLIDS: Mapping[int, Form] = {1: "cube", 2: "sphere", 3: "cylinder"}  # by marker type
 
 _ARRAYS = [f"std_msgs/{number}MultiArray" for number in ("Float32", "Float64", "Int16", "Int32", "UInt16")]
 WITHOUT_HEADER = {"geometry_msgs/Pose", *_ARRAYS}
@@ -60,7 +61,7 @@ READERS: Mapping[Role | Kind | Literal["transforms"], Mapping[str, Sequence[str]
         "geometry_msgs/PoseStamped": ("pose.position", "pose.orientation"),
         "geometry_msgs/PoseWithCovarianceStamped": ("pose.pose.position", "pose.pose.orientation"),
         "geometry_msgs/TransformStamped": ("transform.translation", "transform.rotation"),
-        # An odometry's twist is given in the child frame, ours in the base frame: only the pose is taken.
+        # only the pose: an odometry's twist is in the child frame, ours in the base frame
         "nav_msgs/Odometry": ("pose.pose.position", "pose.pose.orientation"),
         "geometry_msgs/Pose": ("position", "orientation"),
     },
@@ -76,14 +77,14 @@ READERS: Mapping[Role | Kind | Literal["transforms"], Mapping[str, Sequence[str]
     },
     "obstacles": {"visualization_msgs/MarkerArray": (), "visualization_msgs/Marker": ()},
 }
-"""Message types that can be read in each role, and the fields that are its columns; quaternions come in ROS's
-order x, y, z, w. Joint states, transforms and markers have functions of their own."""
+"""Message types supported in each role, with the fields of the columns; quaternions are in ROS's order
+x, y, z, w. Joint states, transforms and markers have their own functions."""
 
 
 def to_stream(
     where: str, topic: str, role: Kind, messages: RawMessages, policy: StampPolicy
 ) -> tuple[Stream, str | None]:
-    """Stream of one topic, neither of joint states nor of shapes, and what was done about its stamps."""
+    """Stream of one topic (not joint states or shapes), and how its stamps were corrected."""
     groups = decoded(where, messages)
     schema = messages.schemas[0]
     assert schema is not None  # `bag_recording.readable` lets none pass
@@ -106,7 +107,7 @@ def to_stream(
 
 @contextmanager
 def fields_named(where: str) -> Iterator[None]:
-    """Turn what is raised where a message lacks a field into an InputError."""
+    """Turn errors about missing fields of a message into an InputError."""
     try:
         yield
     except InputError:
@@ -116,13 +117,13 @@ def fields_named(where: str) -> Iterator[None]:
 
 
 def nanoseconds(clock: Any) -> np.ndarray:
-    """int64 ns of a ROS time, which may be a column of them."""
+    """int64 ns of a ROS time or of a column of them."""
     seconds, rest = np.array(clock.sec, dtype=np.int64), np.array(clock.nanosec, dtype=np.int64)
     return seconds * 10**9 + rest
 
 
 def sample_stamps(messages: RawMessages, groups: Sequence[Decoded], policy: StampPolicy) -> np.ndarray:
-    """(T,) int64 ns: header stamps of all groups if any is set and they are wanted, else log times."""
+    """(T,) int64 ns: header stamps of all groups, if any is set and they are requested, else log times."""
     stamps = np.zeros(len(messages.log_times), dtype=np.int64)
     for group in groups:
         stamps[group.rows] = nanoseconds(group.message.header.stamp)
@@ -130,7 +131,7 @@ def sample_stamps(messages: RawMessages, groups: Sequence[Decoded], policy: Stam
 
 
 def numbers(message: Any, *paths: str) -> list:
-    """Numbers of some fields of a message, vectors or `data`; of many messages the column (M,) of each."""
+    """Numbers of some fields of a message, vectors or `data`; for many messages a column (M,) each."""
     found: list = []
     for path in paths:
         part = attrgetter(path)(message)
@@ -142,7 +143,7 @@ def numbers(message: Any, *paths: str) -> list:
 
 
 def sequence(field: Any) -> list:
-    """Numbers of a sequence; of many messages (M, n) its n columns."""
+    """Numbers of a sequence; for many messages (M, n) its n columns."""
     return list(np.moveaxis(field, 1, 0) if isinstance(field, np.ndarray) else field)
 
 
@@ -155,7 +156,7 @@ def table(
     joints: Sequence[str] = (),
     kind: str = "",
 ) -> np.ndarray:
-    """(T, D) float64 of the `numbers` of all groups; of several joints NaN where a message lacks one.
+    """(T, D) float64 of the `numbers` of all groups; NaN where a message lacks a joint.
 
     `orders`: joints that each group names, if any; `joints`: those of the columns; `kind`: of signal.
     """
@@ -176,9 +177,9 @@ def table(
 
 
 def to_messages(where: str, stream: Stream) -> RawMessages:
-    """Messages of a stream, one per row, with its stamps in headers where the type has one.
+    """Messages of a stream, one per row, with its stamps in the headers if the type has one.
 
-    Counts of tactile sensors are float32: whole numbers up to 2^24 are exact. All other values keep 64 bits.
+    Tactile counts are float32: integers up to 2^24 are exact. All other values keep 64 bits.
     """
     values = stream.values
     if stream.kind in JOINT_KINDS:
@@ -203,7 +204,7 @@ def to_messages(where: str, stream: Stream) -> RawMessages:
 def joint_messages(
     where: str, names: Sequence[str], stamps: np.ndarray, values: Mapping[Kind, np.ndarray]
 ) -> RawMessages:
-    """Joint states, one per row: (T,) int64 ns, and (T, J) of each kind that is filled."""
+    """Joint states, one per row: (T,) int64 ns, and (T, J) per kind that is filled."""
     message_type = MESSAGE_TYPES["joint_positions"]
     lengths = {FIELDS[kind]: its.shape[1] for kind, its in values.items()}
     content, fields = _blank(where, message_type, stamps, names, lengths)
@@ -213,10 +214,10 @@ def joint_messages(
 
 
 def to_shapes(where: str, messages: RawMessages) -> tuple[NamedShape, ...]:
-    """Shapes of the first message of a topic of markers, in their order.
+    """Shapes of the first message of a topic of markers, in order.
 
-    A marker is named by its namespace, followed by its number where several have the same. Markers of other
-    types (arrows, text, meshes) are ignored.
+    A marker is named by its namespace, followed by its number if several share it. Markers of other types
+    (arrows, text, meshes) are ignored.
     """
     first = RawMessages(messages.log_times[:1], messages.schemas[:1], messages.data[:1])
     ((_, message),) = decoded(where, first)
@@ -226,7 +227,7 @@ def to_shapes(where: str, messages: RawMessages) -> tuple[NamedShape, ...]:
             fields = (one.id, one.type, *numbers(one, "pose.position", "pose.orientation", "scale"))
             number, kind, *values = (
                 float(np.ravel(value)[0]) for value in fields
-            )  # maybe columns of one row
+            )  # may be columns with a single row
             if kind in SOLIDS:
                 found.append((one.ns, int(number), SOLIDS[int(kind)], np.array(values)))
     spaces = [space for space, *_ in found]
@@ -244,7 +245,7 @@ def to_shapes(where: str, messages: RawMessages) -> tuple[NamedShape, ...]:
 
 
 def shapes_message(stamp: int, shapes: Sequence[NamedShape]) -> RawMessages:
-    """One message of markers with all shapes; their names, which differ, become the namespaces."""
+    """One message of markers with all shapes; their unique names become the namespaces."""
     seconds, rest = divmod(int(stamp), 10**9)
     header = {"stamp": {"sec": seconds, "nanosec": rest}, "frame_id": FRAME}
     types = {form: number for number, form in SOLIDS.items()}
@@ -258,7 +259,7 @@ def shapes_message(stamp: int, shapes: Sequence[NamedShape]) -> RawMessages:
                 "orientation": dict(zip("wxyz", map(float, shape.orientation), strict=True)),
             },
             "scale": dict(zip("xyz", map(float, shape.size), strict=True)),
-            "color": dict.fromkeys("rgb", 0.5) | {"a": 1.0},  # transparent is invisible
+            "color": dict.fromkeys("rgb", 0.5) | {"a": 1.0},  # alpha 0 would be invisible
         }
         for shape in shapes
     ]
@@ -268,9 +269,9 @@ def shapes_message(stamp: int, shapes: Sequence[NamedShape]) -> RawMessages:
 
 @cache
 def definition(message_type: str) -> str:
-    """Text of a message definition with those of all nested types, as in MCAP's encoding `ros2msg`."""
+    """Message definition with those of all nested types, as in MCAP's encoding `ros2msg`."""
     texts, names = read_values(Path(__file__).with_suffix(".yaml")), [short_name(message_type)]
-    for name in names:  # grows by the types that are met
+    for name in names:  # grows while nested types are found
         nested = re.findall(r"^(\w+/\w+)", texts[name], re.MULTILINE)
         names += [one for one in dict.fromkeys(nested) if one not in names]
     return f"{'=' * 80}\n".join([texts[names[0]], *(f"MSG: {one}\n{texts[one]}" for one in names[1:])])
@@ -286,14 +287,14 @@ def _of_one_type(message_type: str, stamps: np.ndarray, content: np.ndarray) -> 
 def _blank(
     where: str, message_type: str, stamps: np.ndarray, names: Sequence[str], lengths: Mapping[str, int]
 ) -> tuple[np.ndarray, SimpleNamespace]:
-    """Messages with stamps, joints' names and sequences of zeros, and columns to fill in the numbers."""
+    """Messages with stamps, joint names and sequences of zeros, and their columns for writing."""
     if stamps.min() < 0 or stamps.max() > LAST_STAMP:
         fault = "before 0" if stamps.min() < 0 else "beyond 2^31 s"
         raise InputError(f"{where}: stamps {fault} cannot be written")
     template = _template(message_type, tuple(names), tuple(lengths.items()))
     messages = np.tile(np.frombuffer(template, dtype=np.uint8), (len(stamps), 1))
     found = columns(message_type, definition(message_type), messages)
-    assert found is not None  # our definitions are plain
+    assert found is not None  # our definitions are simple
     fields, _ = found
     if hasattr(fields, "header"):
         stamp = fields.header.stamp
@@ -303,14 +304,14 @@ def _blank(
 
 @cache
 def _template(message_type: str, names: Sequence[str], lengths: Sequence[tuple[str, int]]) -> bytes:
-    """A message with these names and sequences of zeros."""
+    """A message with these names, and sequences of zeros."""
     message = {"header": {"frame_id": FRAME}, "name": names}  # fields that a type lacks are ignored
     return _encoded(message_type, message | {field: [0.0] * length for field, length in lengths})
 
 
 def _encoded(message_type: str, message: Mapping[str, Any]) -> bytes:
-    """A message as the library encodes it; fields that are not given are zero or empty."""
-    from mcap_ros2.writer import Writer  # loaded only to write
+    """A message as encoded by the library; missing fields are zero or empty."""
+    from mcap_ros2.writer import Writer  # needed only for writing
 
     file = BytesIO()
     writer = Writer(file)

@@ -2,7 +2,7 @@
 
 Files of the repository marcocognetti/FrankaEmikaPandaDynModel (C. Gaz et al., "Dynamic identification of the
 Franka Emika Panda robot with retrieval of feasible parameters using penalty-based optimization", RA-L 2019).
-Torques are those of the links, gravity included.
+Torques are link-side, including gravity.
 """
 
 from functools import partial
@@ -23,14 +23,14 @@ SIGNALS = {
     "positions": "positions",
     "velocities": "velocity",
     "torques": "torques",
-}  # and their files' last word
+}  # last word of their file names
 
 
 def read_motion(folder: Path, entry: Any = None, left_out: LeftOut = None) -> list[JointLog]:
-    """All motions NAME_{positions,velocity,torques,time}.txt of a folder, or of folders of them.
+    """All motions NAME_{positions,velocity,torques,time}.txt of a folder or of its subfolders.
 
-    The one of the repository, `exciting_traj`, has 21 s at about 1 kHz; positions have five or six
-    significant digits. Names of folders precede those of their motions.
+    The repository's motion, `exciting_traj`, has 21 s at about 1 kHz; positions have five or six significant
+    digits. Names of folders are prefixed to those of their motions.
     """
     found = SOURCE.files(folder, "*_positions.txt", "motion (exciting_traj_positions.txt, ...)")
     return read_each(partial(_read, folder), found, left_out)

@@ -1,8 +1,8 @@
-"""Public recordings of people who reach past boxes in virtual reality.
+"""Public recordings of people reaching past boxes in virtual reality.
 
 Files of the repository m-hasan-n/hlp ("Human-like Planning for Reaching in Cluttered Environments", ICRA
 2020), in its layout: a table of trials, and per trial the hand at 90 Hz, the boxes and the scene. Unity's
-axes are x right, y up, z forward, left-handed; with y and z exchanged they are x right, y forward, z up,
+axes are x right, y up, z forward, left-handed; exchanging y and z gives x right, y forward, z up,
 right-handed.
 """
 
@@ -36,18 +36,17 @@ TRIAL_COLUMNS = ("participant", "trial", "type", "start_moved_time", "target_rea
 SHAPE_COLUMNS = ("object", "x", "y", "z", "width", "height", "depth")
 HAND_COLUMNS = 7  # time, position, rotation about Unity's axes
 
-TARGET, BOX, BOUNDARY = "target", "box", "boundary"  # how names of shapes begin; there is one target
+TARGET, BOX, BOUNDARY = "target", "box", "boundary"  # prefixes of shape names; there is one target
 SOURCE_TARGET, SOURCE_BOX = "Target", "FailOnTouchObstacle"
-# Walls of the shelf that a hand beside the boxes may meet; its floor and its top are below and above.
+# Walls of the shelf that a hand beside the boxes may hit; its floor and top are out of reach
 BOUNDARIES = {f"{side}Boundary": f"{BOUNDARY} {side.lower()}" for side in ("Left", "Right", "Back")}
 
 
 def read_obstacles(folder: Path, entry: Any, left_out: LeftOut = None) -> list[Recording]:
-    """Trials of all people in natural order: the hand's pose, boxes, walls and target as named shapes.
+    """Trials of all people in natural order: the hand's pose, with boxes, walls and target as named shapes.
 
-    Trials are named like "sub_01_T012"; provenance says when the hand had moved and when the target was
-    reached (s since the first stamp), with person, trial and type. Trials whose folder is missing are
-    ignored.
+    Trials are named like "sub_01_T012"; provenance has the times at which the hand had moved and the target
+    was reached (s since the first stamp), and person, trial and type. Trials without a folder are ignored.
     """
     if not (folder / TRIALS).is_file():
         raise MissingInputError(f"{folder}: holds no table of trials ({TRIALS})")
@@ -65,15 +64,15 @@ def read_obstacles(folder: Path, entry: Any, left_out: LeftOut = None) -> list[R
 
 
 def unity_to_base(points: np.ndarray) -> np.ndarray:
-    """Vectors (..., 3) of Unity's left-handed axes in the base frame: y and z exchanged."""
+    """Vectors (..., 3) from Unity's left-handed axes to the base frame: y and z exchanged."""
     return np.asarray(points, dtype=float)[..., [0, 2, 1]]
 
 
 def unity_rotation(degrees: np.ndarray) -> np.ndarray:
     """Unity's Euler angles (..., 3) degrees about x, y, z -> (..., 4) unit quaternions in the base frame.
 
-    Unity turns about z, then x, then y. Exchanging two axes is a reflection: it takes a rotation's axis with
-    it and turns its sense round.
+    Unity rotates about z, then x, then y. Exchanging two axes is a reflection, which maps the rotation's axis
+    and inverts its sense.
     """
     half = 0.5 * np.radians(degrees)
     about = np.zeros((3, *half.shape[:-1], 4))
@@ -85,7 +84,7 @@ def unity_rotation(degrees: np.ndarray) -> np.ndarray:
 
 
 def _trial(folder: Path, trial: Path, row: dict[str, str], times: list[float]) -> Recording:
-    """Times in s when the hand had moved, and when the target was reached, on the clock of the stamps."""
+    """One trial; `times` in s on the stamps' clock: the hand had moved, the target was reached."""
     names = ("HandTracker_movement", "grid_objects_layout", "scene_layout")
     files = [f"{name}_{trial.name}.csv" for name in names]  # in `movement/`, `scene/`, or the trial's folder
     hand, boxes, scene = (next(iter(sorted(trial.rglob(name))), trial / name) for name in files)

@@ -1,7 +1,7 @@
 """Public recordings of a BioTac finger that a KUKA iiwa slides over materials.
 
 Files of the repository dexrob/BioTac_slide_20_50 (R. Gao et al., "Supervised autoencoder joint learning on
-heterogeneous tactile sensory data"): six streams per trial, each with Unix times of its own.
+heterogeneous tactile sensory data"): six streams per trial, each with its own Unix times.
 """
 
 from pathlib import Path
@@ -22,8 +22,8 @@ SOURCE = PublicSet(
     "none stated: for tests and evaluation, not for redistribution",
 )
 JOINTS = tuple(f"lbr_iiwa_joint_{number}" for number in range(1, 8))  # as in the arm's URDF
-COLUMNS = {"cp": 8, "jp": 8, "jv": 8, "jt": 8, "cw": 7, "bio": 45}  # of each stream of a trial, with the time
-FIRST_ELECTRODE = 25  # after time: pressures, temperatures and 22 vibrations come first
+COLUMNS = {"cp": 8, "jp": 8, "jv": 8, "jt": 8, "cw": 7, "bio": 45}  # per stream of a trial, with the time
+FIRST_ELECTRODE = 25  # preceded by time, pressures, temperatures and 22 vibrations
 
 
 def read_touch(folder: Path, entry: Any, left_out: dict[str, str]) -> list[Recording]:
@@ -36,7 +36,7 @@ def read_slides(
 ) -> list[Recording]:
     """The first trials of each material: pose, joint signals, wrench and 19 electrodes, by Unix time.
 
-    The folder holds MATERIAL_TRIAL_STREAM.csv files, or folders of them; recordings are named like "mat9_1".
+    The folder contains MATERIAL_TRIAL_STREAM.csv files, or folders of them; names are like "mat9_1".
     """
     found = {path.stem.removesuffix("_cp"): path.parent for path in Path(folder).rglob("*_*_cp.csv")}
     by_material: dict[str, list[str]] = {}
@@ -49,7 +49,7 @@ def read_slides(
 
 
 def read_motion(folder: str | Path, entry: Any, left_out: dict[str, str] | None = None) -> list[JointLog]:
-    """The arm's joints on the slides, `entry.part` trials of each material, on a clock of `entry.rate_hz`."""
+    """Joint logs of the arm on the slides, `entry.part` trials of each material, at `entry.rate_hz`."""
     logs = []
     for recording in read_slides(folder, entry.part, left_out):
         run = synchronise(recording, entry.rate_hz)
@@ -60,7 +60,7 @@ def read_motion(folder: str | Path, entry: Any, left_out: dict[str, str] | None 
 
 
 def material_of(trial: str) -> str:
-    """`mat9` of `mat9_1`."""
+    """Material of a trial, e.g. `mat9` for `mat9_1`."""
     return trial.rpartition("_")[0]
 
 

@@ -1,4 +1,4 @@
-"""Where recordings come from: the parameters of a source, its topics and stamps, and the files it holds.
+"""Sources of recordings: parameters of a source, its topics and stamps, and its files.
 
 | file | what |
 |---|---|
@@ -7,9 +7,9 @@
 | `.bag` | ROS 1 bag; needs the extra `bags` |
 | `.csv`, `.parquet` | table of poses (see `user_tables`); only in folders without bags |
 
-A bag may be a folder with `metadata.yaml`, split over several files. A setting that people corrected in is a
-label, or a number where it is one: `5`, `5.0` and 5 are all called "5"; `tilt_left` is a label. The
-recordings of each setting are a folder with its label as name.
+A bag may be a folder with `metadata.yaml`, split over several files. A setting in which people corrected is
+named by a label, or by a number in its shortest form: `5`, `5.0` and 5 are all "5"; `tilt_left` is a label.
+The recordings of each setting are in a folder with its label as name.
 """
 
 import math
@@ -36,47 +36,47 @@ class ClockParameters(Parameters):
 
 
 class StampPolicy(Parameters):
-    """How the stamps of a user's messages are taken."""
+    """Which stamps of a user's messages are used, and how disorder is handled."""
 
-    # `header`: when a sample was taken; the log time where no message of a topic says so. `log`: when the
-    # recorder got it
+    # `header`: time of the sample, or the log time if no message of a topic has it. `log`: time of reception
+    # by the recorder
     clock: Literal["header", "log"]
-    # where a stamp repeats or runs back, `error`: refuse the recording; `drop`: leave out as few samples as
-    # possible; `sort`: put them in order. Of several with one stamp the first is kept
+    # if a stamp repeats or decreases, `error`: refuse the recording; `drop`: leave out as few samples as
+    # possible; `sort`: sort them. Of several samples with one stamp the first is kept
     disorder: Literal["error", "drop", "sort"]
 
 
-AS_WRITTEN = StampPolicy(clock="header", disorder="error")  # our own files, written with stamps in order
+AS_WRITTEN = StampPolicy(clock="header", disorder="error")  # for our own files, whose stamps are in order
 
 
 class SourceParameters(Parameters):
     """Recordings of one kind of data."""
 
-    kind: ClassVar[str]  # of data, under which entries are listed
+    kind: ClassVar[str]  # kind of data, under which entries are listed
 
-    title: Name | None  # of its page and above its claims; null: its name
-    # file or folder; begins with `~` in the home folder, with `$DATA` in that of public sets
+    title: Name | None  # of its page and of its claims; null: its name
+    # file or folder; starts with `~` in the home folder, with `$DATA` in the folder of public sets
     source: str = Field(min_length=1)
     reader: str = Field(pattern=r"^[a-z][a-z0-9_]*$")  # module of `structlearn.readers`, or `bags`
-    part: str | int | None  # of the source, as the reader names its parts
-    stamps: StampPolicy  # of bags, which clock counts
+    part: str | int | None  # part of the source, in the reader's terms
+    stamps: StampPolicy  # for bags
 
     def sources(self) -> dict[str, tuple[str, ...]]:
-        """All files and folders that are read, as written in the parameters, by their purpose."""
+        """All files and folders that are read, as written in the parameters, by purpose."""
         return {"recordings": (self.source,)}
 
 
 def setting_label(setting: Any) -> Any:
-    """Label of a setting: the shortest form of a number, any other text as it is."""
+    """Label of a setting: the shortest form of a number, other text unchanged."""
     try:
         number = float(setting)
     except (TypeError, ValueError):
         return setting
-    return f"{number + 0.0:g}" if math.isfinite(number) else str(setting)  # + 0.0: -0 is 0
+    return f"{number + 0.0:g}" if math.isfinite(number) else str(setting)  # + 0.0 turns -0 into 0
 
 
 Setting = Annotated[str, BeforeValidator(setting_label), Field(pattern=r"^-?\w[\w .+()-]*$")]
-"""A setting in a parameter file: a number, which may be negative, or a name as of `core.params.NAME`."""
+"""A setting in a parameter file: a number, which may be negative, or a name as in `core.params.NAME`."""
 
 # Topics
 
@@ -84,7 +84,7 @@ Role = Literal["pose", "twist", "joint_states", "wrench", "tactile", "tool_to_bo
 Topic = Annotated[str, Field(min_length=1)]
 Topics = Annotated[
     tuple[Topic, ...],
-    BeforeValidator(lambda value: (value,) if isinstance(value, str) else value),  # a single topic is a list
+    BeforeValidator(lambda value: (value,) if isinstance(value, str) else value),  # a single topic as a list
 ]
 
 JointNames = Annotated[
@@ -92,13 +92,13 @@ JointNames = Annotated[
     BeforeValidator(lambda value: tuple(value.items()) if isinstance(value, Mapping) else value),
     PlainSerializer(dict),
 ]
-"""A mapping from the names of joints as recorded to those of the URDF, of those that differ."""
+"""Mapping from recorded joint names to those of the URDF, where they differ."""
 
-MAX_FINGERS = 10  # tactile streams that our own files may have: two hands
+MAX_FINGERS = 10  # tactile streams in our own files: two hands
 
 
 class TransformPose(Parameters):
-    """A pose of the frame `child` in `parent`: a chain of transforms as on /tf and /tf_static."""
+    """Pose of the frame `child` in `parent`, from a chain of transforms on /tf and /tf_static."""
 
     parent: Topic
     child: Topic
@@ -106,12 +106,12 @@ class TransformPose(Parameters):
 
     @property
     def topics(self) -> tuple[str, ...]:
-        """Where transforms may be; those of the second are static."""
+        """Topics of the transforms; the second one is static."""
         return self.topic, f"{self.topic}_static"
 
 
 class JointPose(Parameters):
-    """A pose of the link `tip`, from joint states by the robot's kinematics, in the frame of its root."""
+    """Pose of the link `tip` in the root's frame, from joint states by the robot's kinematics."""
 
     urdf: str = Field(min_length=1)
     tip: Topic
@@ -120,12 +120,12 @@ class JointPose(Parameters):
 
     @property
     def topics(self) -> tuple[str, ...]:
-        """Where joint states are."""
+        """Topics of the joint states."""
         return (self.topic,)
 
 
 def _pose_form(value: object) -> str:
-    """Which form of pose a value is meant to be, so that errors are reported for that form alone."""
+    """Intended form of a pose, so that errors are reported for that form alone."""
     if isinstance(value, JointPose) or (isinstance(value, Mapping) and "urdf" in value):
         return "joints"
     return "transforms" if isinstance(value, TransformPose | Mapping) else "topic"
@@ -140,20 +140,20 @@ Pose = Annotated[
 
 
 class TopicMap(Parameters):
-    """The topics of a demonstration in a robot's bag; each topic has one role."""
+    """Topics of a demonstration in a robot's bag; each topic has one role."""
 
     must_exist: ClassVar[bool] = True
-    """Whether a topic named here that a file does not have is an error; the pose always is."""
+    """Whether a topic given here must be in every file; the pose always must."""
 
-    # end-effector pose, the one signal that every demonstration has: its topic, or what it is computed from,
-    # which may be joint states of `joint_states` too
+    # end-effector pose, the one signal that every demonstration has: its topic, or how it is computed, maybe
+    # from joint states that are also in `joint_states`
     pose: Pose
     twist: Topic | None
-    joint_states: Topics  # one topic usually has positions, velocities and torques, several may share them
-    # names of the joints that are taken, in this order; None: those of the publisher with the most joints
+    joint_states: Topics  # usually one topic with positions, velocities and torques; several may share them
+    # names of the joints to read, in this order; None: those of the publisher with the most joints
     joints: tuple[Topic, ...] | None = Field(min_length=1)
     wrench: Topic | None
-    tactile: Topics  # one topic per sensor, in the order in which their channels are put side by side
+    tactile: Topics  # one topic per sensor, in the order in which channels are concatenated
     tool_to_board: Topic | None  # orientation of the tool relative to the board, e.g. from motion capture
 
     @model_validator(mode="after")
@@ -167,12 +167,12 @@ class TopicMap(Parameters):
 
     @property
     def topics(self) -> list[str]:
-        """Every topic that has to be read, once."""
+        """Every topic that has to be read, without duplicates."""
         of_pose = () if isinstance(self.pose, str) else self.pose.topics
         return list(dict.fromkeys([*of_pose, *(topic for topic, _ in self.roles())]))
 
     def roles(self) -> list[tuple[str, Role]]:
-        """Every topic that is a signal by itself and the role in which it is read, in a fixed order."""
+        """Every topic that is itself a signal, with its role, in a fixed order."""
         pairs: list[tuple[str | None, Role]] = [
             (self.pose if isinstance(self.pose, str) else None, "pose"),
             (self.twist, "twist"),
@@ -190,12 +190,12 @@ class SceneTopicMap(TopicMap):
     obstacles: Topic | None
 
     def roles(self) -> list[tuple[str, Role]]:
-        """Every topic that is a signal by itself and the role in which it is read, in a fixed order."""
+        """Every topic that is itself a signal, with its role, in a fixed order."""
         return super().roles() + ([(self.obstacles, "obstacles")] if self.obstacles else [])
 
 
 class OptionalTopicMap(SceneTopicMap):
-    """Topics of which a file has those of the signals that were recorded."""
+    """Topics that files have only if the signal was recorded."""
 
     must_exist: ClassVar[bool] = False
 
@@ -210,13 +210,13 @@ OWN_TOPICS = OptionalTopicMap(
     tool_to_board="/tool_to_board",
     obstacles="/obstacles",
 )
-"""The topics of the files that this package writes. Joint signals have a topic each, since each may have a
-clock of its own; a file has those of the topics that were recorded."""
+"""Topics of the files that this package writes, if recorded. Joint signals have separate topics, since each
+may have its own clock."""
 
 # Files
 
 COMPRESSED = ".zstd"  # suffix of a file that is compressed as a whole
-METADATA = "metadata.yaml"  # its presence makes a folder a ROS 2 bag
+METADATA = "metadata.yaml"  # makes a folder a ROS 2 bag
 
 Format = Literal["mcap", "db3", "bag", "table"]
 SUFFIXES: dict[str, Format] = {
@@ -229,19 +229,19 @@ SUFFIXES: dict[str, Format] = {
 SUFFIXES |= {f".mcap{COMPRESSED}": "mcap", f".db3{COMPRESSED}": "db3"}
 
 SHAPE_FILE = "obstacles.csv"
-"""Of all recordings in its folder, or in the bag whose folder it is; `NAME.obstacles.csv` is of one only."""
+"""Shapes for all recordings in its folder, or for its bag folder; `NAME.obstacles.csv`: for one recording."""
 
 
 class RecordingFile(NamedTuple):
-    """One recording on the disk."""
+    """Files of one recording."""
 
     name: str  # of the recording: the file's stem, or the name of the folder of a split bag
     format: Format
-    paths: tuple[Path, ...]  # the file; of a split bag its files in their order
+    paths: tuple[Path, ...]  # the file; for a split bag its files in order
 
     @property
     def path(self) -> Path:
-        """The path used in messages: the file, or the folder of a split bag."""
+        """Path for messages: the file, or the folder of a split bag."""
         return self.paths[0] if len(self.paths) == 1 else self.paths[0].parent
 
 
@@ -249,11 +249,11 @@ def recording_files(source: str | Path) -> list[RecordingFile]:
     """Every recording of a source, in natural order of their names: 2 before 10.
 
     A source is one file; a folder of files; a ROS 2 bag (folder with metadata.yaml); or a folder of such
-    bags. `~` is the home folder. Hidden and other files are ignored, and tables where there are bags.
+    bags. `~` is the home folder. Hidden and other files are ignored, and tables if there are bags.
 
     Raises:
-        InputError: there is no such source or nothing in it, a file of a bag is missing, a bag has files of
-            several kinds, or a name is not valid or repeats.
+        InputError: the source is missing or empty, a file of a bag is missing, a bag has files of several
+            kinds, or a name is not valid or repeats.
     """
     source = home_path(source)
     if not source.exists():
@@ -278,7 +278,7 @@ def as_recording_file(path: str | Path | RecordingFile) -> RecordingFile:
 
 
 def check_names(names: Sequence[str], where: str) -> None:
-    """Raise an InputError if names repeat, or one cannot be the name of a recording."""
+    """Raise InputError if names repeat, or one is not valid for a recording."""
     for name in names:
         if not re.fullmatch(NAME, name):
             raise InputError(
@@ -290,12 +290,12 @@ def check_names(names: Sequence[str], where: str) -> None:
 
 
 def _suffix(path: Path) -> str:
-    """Suffix of a file with that of its format, e.g. `.mcap.zstd`."""
+    """Suffix of a file including that of its format, e.g. `.mcap.zstd`."""
     return "".join(path.suffixes[-2:]) if path.suffix == COMPRESSED else path.suffix
 
 
 def _files(folder: Path, formats: Collection[str]) -> list[RecordingFile]:
-    """Files of some formats in natural order, without tables of shapes."""
+    """Files of some formats in natural order, except tables of shapes."""
     paths = sorted(folder.iterdir(), key=lambda path: natural_order(path.name))
     return [
         as_recording_file(path)
@@ -306,7 +306,7 @@ def _files(folder: Path, formats: Collection[str]) -> list[RecordingFile]:
 
 
 def _bags(folder: Path) -> list[RecordingFile]:
-    """Bags in a folder: its files one by one, unless it is a bag that is split over them."""
+    """Bags in a folder: one per file, or a single one if the folder is a split bag."""
     files = _files(folder, ("mcap", "db3", "bag"))
     if not (folder / METADATA).exists():
         return files

@@ -24,13 +24,13 @@ JOINTS = tuple(  # as in the arm's URDF
     f"{name}_joint" for name in ("shoulder_pan", "shoulder_lift", "elbow", "wrist_1", "wrist_2", "wrist_3")
 )
 SIGNALS = signals_of(DriveLog)  # in the order of the columns, one of each per joint
-OLDER_COLUMNS = 19  # of the logs of 2019, which have positions, velocities and currents only: no gain follows
+OLDER_COLUMNS = 19  # logs of 2019, with positions, velocities and currents only, which determine no gain
 
 
 def read_motion(folder: Path, entry: Any = None, left_out: LeftOut = None) -> list[DriveLog]:
-    """All logs `ur-NAME.csv` of a folder or of folders there, without those of `OLDER_COLUMNS`.
+    """All logs `ur-NAME.csv` of a folder or its subfolders, except those of `OLDER_COLUMNS`.
 
-    They have no header; time in s, then the columns of `SIGNALS`.
+    They have no header: time in s, then the columns of `SIGNALS`.
     """
     found = sorted(folder.rglob("ur-*.csv"), key=lambda path: path.stem)
     paths = [path for path in found if not _is_older(path)]
@@ -43,7 +43,7 @@ def read_motion(folder: Path, entry: Any = None, left_out: LeftOut = None) -> li
 
 
 def _is_older(path: Path) -> bool:
-    if not path.is_file():  # a pipe would be waited for; the reader names it
+    if not path.is_file():  # reading a pipe would block; the reader reports it
         return False
     with path.open("rb") as file:
         return file.readline(2**16).count(b",") == OLDER_COLUMNS - 1

@@ -1,7 +1,6 @@
-"""Tables of those who have no ROS: of poses, of the solids around a movement, of touches of a skin.
+"""Tables from users without ROS: poses, solids around a movement, touches of a skin.
 
-The first row of a CSV names its columns; each further row is a sample. Columns of poses are taken by their
-names:
+The first row of a CSV names its columns; each further row is a sample. Columns of a table of poses are:
 
 | columns | what | needed |
 |---|---|---|
@@ -11,18 +10,17 @@ names:
 | `fx`, `fy`, `fz`, `tx`, `ty`, `tz` | force in N, torque in N m | all or none |
 | `position.NAME`, `velocity.NAME`, `effort.NAME` | rad, rad/s, N m of the joint NAME, or m, m/s, N | no |
 
-Another column is an error, since it may be a misspelt one. A table without quaternions gives recordings whose
-orientation was not recorded. It becomes what a bag is: ROS 2 messages on `TABLE_TOPICS`, which are the names
-for a topic map.
+Other columns are an error, since they may be misspelt. A table without quaternions gives recordings without
+orientation. It is converted to a bag: ROS 2 messages on `TABLE_TOPICS`, which are the names for a topic map.
 
 Solids around a movement are a CSV beside its bag, one per row, with the columns `name`, `form` (cube, sphere
 or cylinder), `x`, `y`, `z` (m, centre in the base frame), `qw`, `qx`, `qy`, `qz` (orientation) and `sx`,
 `sy`, `sz` (m, full extent along the solid's own axes, z the axis of a cylinder).
 
-A table of touches (CSV or Parquet) has a column per channel and, where known, the place in m: `x_m`, `y_m`
-and, if it varies, `z_m`, the height of what touches; with `force_n`, the reading of a scale (empty without
-one), and `time_s`, forces can be learned. A table with a column `run` holds several recordings. Recordings
-with a tactile signal have the pose of what touches as place.
+A table of touches (CSV or Parquet) has a column per channel and, if known, the place in m: `x_m`, `y_m` and,
+if it varies, `z_m`, the height of the probe; with `force_n`, the reading of a scale (empty without one), and
+`time_s`, forces can be learned. A table with a column `run` holds several recordings. For recordings with a
+tactile signal, the place is the recorded pose.
 """
 
 import json
@@ -58,7 +56,7 @@ from structlearn.readers.foreign_tables import (
 from structlearn.readers.messages import FIELDS, LAST_STAMP, joint_messages, to_messages
 from structlearn.readers.source import METADATA, SHAPE_FILE
 
-# Topics of a table of poses as a bag, those of the columns that it has.
+# Topics of a table of poses as a bag, as far as it has their columns
 TABLE_TOPICS = {"pose": "/pose", "wrench": "/wrench", "joint_states": "/joint_states"}
 
 TIME, POSITION = "time_s", ("x", "y", "z")
@@ -71,11 +69,11 @@ MOST_COLUMNS = 1000
 
 PLACE, FORCE, RUN = ("x_m", "y_m", "z_m"), "force_n", "run"
 UNITS = {TIME: "s", FORCE: "N"} | dict.fromkeys(PLACE, "m")
-"""Of what a table of touches may have beside channels."""
+"""Units of the columns that a table of touches may have besides channels."""
 
 
 def read_pose_table(path: Path) -> Bag:
-    """Read a table of poses as a bag; an InputError names file and row of what is wrong."""
+    """Read a table of poses as a bag. Raises InputError naming file and row."""
     names, stamps, values = (_of_parquet if path.suffix == ".parquet" else _of_csv)(path)
     if (wrong := (stamps < 0) | (stamps > LAST_STAMP)).any():
         row = int(np.argmax(wrong))
@@ -116,7 +114,7 @@ def read_pose_table(path: Path) -> Bag:
 
 
 def _of_csv(path: Path) -> tuple[list[str], np.ndarray, np.ndarray]:
-    """Names of the columns without the time, (T,) ns, and (T, D) values."""
+    """Names of the columns without the time, (T,) ns, and values (T, D)."""
     names = [name.strip() for name in read_text(path).partition("\n")[0].split(",")]
     if names[0] != TIME:
         raise InputError(f"{path}: the first column is '{names[0]}', not {TIME}; behind it {UNDERSTOOD}")
@@ -125,7 +123,7 @@ def _of_csv(path: Path) -> tuple[list[str], np.ndarray, np.ndarray]:
 
 
 def _of_parquet(path: Path) -> tuple[list[str], np.ndarray, np.ndarray]:
-    """As `_of_csv`; times are float64, which is 240 ns coarse in s of Unix time."""
+    """As `_of_csv`; times are float64, which resolves Unix time in s to 240 ns."""
     table = read_parquet(path)
     if others := [str(name) for name in table if name not in table.select_dtypes("number")]:
         raise InputError(f"{path}: {', '.join(others)}: not numbers")
@@ -142,7 +140,7 @@ def _of_parquet(path: Path) -> tuple[list[str], np.ndarray, np.ndarray]:
 
 
 def _joints(names: Sequence[str], of: str) -> list[str]:
-    """Joints of which there is a field."""
+    """Joints that have a certain field."""
     return [name.removeprefix(f"{of}.") for name in names if name.startswith(f"{of}.")]
 
 
@@ -161,16 +159,16 @@ def _check_names(path: Path, names: Sequence[str]) -> None:
 
 
 def shape_file(path: Path, name: str) -> Path | None:
-    """The nearest table of shapes that is meant for a recording; None where there is none."""
+    """The nearest table of shapes that applies to a recording, or None."""
     folders = [path.parent, path.parent.parent] if (path.parent / METADATA).exists() else [path.parent]
-    if path.is_dir():  # a bag that is split
+    if path.is_dir():  # a split bag
         folders.insert(0, path)
     places = [folder / file for folder in folders for file in (f"{name}.{SHAPE_FILE}", SHAPE_FILE)]
     return next((place for place in places if place.is_file()), None)
 
 
 def read_shapes(path: Path) -> tuple[NamedShape, ...]:
-    """Read a table of shapes; an InputError names file and line of what is wrong."""
+    """Read a table of shapes. Raises InputError naming file and line."""
     shapes = []
     columns = (*POSITION, *ORIENTATION, *SIZE)
     for where, row in read_rows(path, ("name", "form", *columns)):
@@ -190,9 +188,9 @@ def read_shapes(path: Path) -> tuple[NamedShape, ...]:
 
 @dataclass(frozen=True)
 class TouchLog:
-    """One recording of a skin: counts (N, E) by channel, and what is known beside them.
+    """One recording of a skin: counts (N, E) per channel, and what else is known.
 
-    Place (N, 3) m of what touches, time (N,) s, and force (N,) N of a scale, NaN without a reading.
+    Place (N, 3) m of the probe, time (N,) s, and force (N,) N on a scale, NaN without a reading.
     """
 
     name: str
@@ -205,7 +203,7 @@ class TouchLog:
 
 
 def touch_of(demonstration: Demonstration) -> TouchLog:
-    """Touches of a recording with a tactile signal; an InputError where it has none."""
+    """Touches of a recording with a tactile signal. Raises InputError: it has none."""
     counts = demonstration.tactile
     if counts is None:
         raise InputError(f"{demonstration.name}: has no tactile signal; name its topic in the parameters")
@@ -214,7 +212,7 @@ def touch_of(demonstration: Demonstration) -> TouchLog:
 
 
 def touch_tables(source: Path) -> list[Path]:
-    """The tables of a file or folder, in natural order; none where there are only bags."""
+    """Tables of a file or folder, in natural order; empty if there are only bags."""
     if not source.exists():
         raise InputError(f"{source}: no such file or folder")
     paths = [path for path in (source.iterdir() if source.is_dir() else [source]) if path.is_file()]
@@ -223,7 +221,7 @@ def touch_tables(source: Path) -> list[Path]:
 
 
 def write_touch_logs(logs: Sequence[TouchLog], target: str | Path) -> None:
-    """Publish recordings with different names as one table, with their provenance."""
+    """Publish recordings with unique names as one table, with their provenance."""
     series = []
     for log in logs:
         known: Mapping[str, np.ndarray | None] = {TIME: log.time, FORCE: log.force}
@@ -236,7 +234,7 @@ def write_touch_logs(logs: Sequence[TouchLog], target: str | Path) -> None:
 
 
 def read_touch_logs(path: str | Path) -> list[TouchLog]:
-    """What `write_touch_logs` published."""
+    """Read the table of `write_touch_logs`."""
     logs = []
     for one in read_series(path):
         channels = tuple(name for name in one.columns if name not in UNITS)
@@ -247,9 +245,9 @@ def read_touch_logs(path: str | Path) -> list[TouchLog]:
 
 
 def read_touch_table(path: Path, channels: Sequence[str] | None) -> list[TouchLog]:
-    """Read the recordings of a table of touches; channels None: all columns but place, time, force and run.
+    """Read recordings from a table of touches; channels None: all columns but place, time, force and run.
 
-    An InputError names file, row (from 0) and column of what is wrong.
+    Raises InputError naming file, row (from 0) and column.
     """
     table = read_csv(path) if path.suffix == ".csv" else read_parquet(path)
     own = tuple(name for name in table.columns if name not in (*UNITS, RUN))
@@ -276,7 +274,7 @@ def read_touch_table(path: Path, channels: Sequence[str] | None) -> list[TouchLo
 
 
 def _check_finite(path: Path, table: pd.DataFrame, words: str) -> None:
-    """Raise an InputError at the first value that is not finite, in `words` about row, name and value."""
+    """Raise InputError at the first value that is not finite; `words` describe row, name and value."""
     for name in table:
         finite = np.isfinite(pd.to_numeric(table[name], errors="coerce").to_numpy(float))
         if not finite.all():

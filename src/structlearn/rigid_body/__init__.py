@@ -1,6 +1,6 @@
-"""Rigid-body dynamics of arms from their URDFs: Newton-Euler, its parameters, and models that learn them.
+"""Rigid-body dynamics of arms read from URDFs: Newton-Euler, inertial parameters, and learned models.
 
-What users import stands in the stub beside this file, and is loaded when it is first used.
+The public names are listed in the stub beside this file; their modules load on first use.
 """
 
 import lazy_loader

@@ -1,21 +1,20 @@
-"""Kinematics of an arm by Pinocchio: joints that carry a frame through given poses, and distances of links.
+"""Inverse kinematics and self-collision distances of an arm, by Pinocchio.
 
-Inverse kinematics: each sample is solved from the one before by Newton steps on the pose,
-damped in proportion to the error (Sugihara 2011), so that a pose out of reach is approached and left again
-smoothly. Redundant joints are drawn towards a rest configuration at a bounded pace, so a path has one
-solution, and a smooth one where the Jacobian has full rank. Joint limits are not enforced: the caller sees
-how far a path goes beyond them.
+Inverse kinematics: each sample starts from the previous solution and takes Newton steps on the pose error,
+with damping proportional to that error (Sugihara 2011), so the arm approaches and leaves unreachable poses
+smoothly. Redundant joints are drawn towards a rest configuration at a bounded rate, so a path has a single
+solution, which is smooth where the Jacobian has full rank. Joint limits are not enforced; the caller sees
+how far a path exceeds them.
 
     arm = read_arm("robot.urdf", "tool0")
     path = follow(arm, positions, orientations, dt, rest)    # all poses at once
-    follower = Follower(arm, rest, dt)                       # or one by one, in a robot's own loop
+    follower = Follower(arm, rest, dt)                       # or pose by pose, in a control loop
     joints = follower.start(position, orientation)
     joints = follower.step(position, orientation)
 
-Self-collision: distances between links are those of the convex hulls of the URDF's collision shapes, which is
-quick and never too large; where hulls come nearer than a threshold, the meshes themselves decide. Neighbours
-in the tree touch by design and are no pair, nor are links whose shapes touch at the rest configuration: these
-are reported, since they are not checked.
+Self-collision: the distance between two links is that of the convex hulls of their collision shapes, which is
+fast and never overestimates; below a threshold the meshes themselves are used. Links joined by one joint are
+not checked, nor are links whose shapes touch in the rest configuration; the latter are reported.
 """
 
 from collections.abc import Sequence
@@ -29,29 +28,29 @@ from structlearn.core import quaternion
 from structlearn.core.errors import InputError
 from structlearn.rigid_body.tree import KinematicTree, configuration, read_model, robot_of
 
-CONVERGED = 1e-9  # m and rad; a third derivative of joints sampled at 5 ms is known to 0.01 rad/s^3 then
-DAMPING = 1e-10  # square of the least damping: without effect where singular values are above 0.001
-STEPS, FIRST_STEPS = (12, 300)  # Newton steps at most, per sample (two or three suffice) and for the first
+CONVERGED = 1e-9  # m and rad; then the third derivative of joints sampled at 5 ms is accurate to 0.01 rad/s^3
+DAMPING = 1e-10  # minimum damping, squared: negligible for singular values above 0.001
+STEPS, FIRST_STEPS = (12, 300)  # most Newton steps: per sample (two or three are typical), and for the first
 LARGEST_STEP = 0.2  # rad or m per joint and Newton step, so that the first pose is approached gradually
-TO_REST = 2.0  # 1/s, rate of redundant joints towards rest: slower than a movement of a second or two
-TRIALS = 50  # random configurations from which a rest configuration is chosen
+TO_REST = 2.0  # 1/s, rate of redundant joints towards rest: slower than a movement of one or two seconds
+TRIALS = 50  # random candidates for the rest configuration
 
 
 @dataclass(frozen=True)
 class Arm:
-    """A robot with a fixed base, and the frame whose poses are given."""
+    """An arm with a fixed base, and the frame (tip) whose poses are given."""
 
-    source: Path  # its URDF
+    source: Path  # the URDF
     tree: KinematicTree
     model: pinocchio.Model  # with the same joints in the same order
-    tip: int  # number of the frame in the model
+    tip: int  # index of the frame in the model
 
 
 @dataclass(frozen=True)
 class JointPath:
-    """Joints that carry the tip along a path, and the errors that are left."""
+    """Joint path that moves the tip along given poses, with the remaining errors."""
 
-    joints: np.ndarray  # (T, n) rad or m; turns of continuous joints are counted
+    joints: np.ndarray  # (T, n) rad or m; continuous joints are not wrapped
     missed_m: np.ndarray  # (T,) distance of the tip from the given position
     missed_rad: np.ndarray  # (T,) angle from the given orientation; 0 without one
     jacobian: np.ndarray  # (T, 3 or 6, n) of the tip in base axes: linear, then angular with orientations
@@ -63,12 +62,12 @@ class JointPath:
 
 
 def read_arm(path: str | Path, tip: str, locked: Sequence[str] = ()) -> Arm:
-    """Read an arm from its URDF, and the link or other frame whose poses are given.
+    """Read an arm from its URDF; `tip` is the link or frame whose poses will be given.
 
     Masses and meshes are not needed; locked joints are held at zero position.
 
     Raises:
-        InputError: see `tree.read_model`; or there is no such tip.
+        InputError: as `tree.read_model`, or there is no such tip.
     """
     model = read_model(path, locked)
     if not model.existFrame(tip):
@@ -80,14 +79,14 @@ def read_arm(path: str | Path, tip: str, locked: Sequence[str] = ()) -> Arm:
 def follow(
     arm: Arm, position: np.ndarray, orientation: np.ndarray | None, dt: float, rest: np.ndarray
 ) -> JointPath:
-    """Joints that carry the tip along a path, every `dt` s a pose.
+    """Inverse kinematics of a path with one pose every `dt` s.
 
     Args:
         arm: the arm.
         position: (T, 3) m in the arm's base frame.
-        orientation: (T, 4) unit quaternions, or None where any orientation will do.
+        orientation: (T, 4) unit quaternions; None leaves the orientation free.
         dt: sampling interval in s.
-        rest: (n,) towards which redundant joints are drawn; the first pose is solved from there.
+        rest: (n,) configuration that redundant joints are drawn towards, and the initial guess.
     """
     turned = orientation is not None
     follower = Follower(arm, rest, dt, turned)
@@ -109,10 +108,10 @@ def follow(
 def rest_for(
     arm: Arm, position: np.ndarray, orientation: np.ndarray | None, dt: float, seed: int
 ) -> np.ndarray:
-    """A configuration (n,) for the start of a path, which then stays far from limits and singularities.
+    """Configuration (n,) to start a path from, chosen to stay far from joint limits and singularities.
 
-    It maximises the smaller of two minima along the path: the distance from the nearest limit over half the
-    range, and the least singular value. A coarsely sampled path, as for `follow`, is enough.
+    Maximises the smaller of two minima along the path: the distance to the nearest limit over half the joint
+    range, and the least singular value. The path may be sampled coarsely; arguments are those of `follow`.
 
     Raises InputError: no trial keeps within the joints' limits.
     """
@@ -135,25 +134,25 @@ def rest_for(
 
 
 class Follower:
-    """Inverse kinematics pose after pose, for a path or in a robot's own loop.
+    """Inverse kinematics pose by pose, for a path or in a control loop.
 
     Attributes:
-        joints: (n,) of the newest pose, rad or m.
-        error: (3 or 6,) that is left: m, then rad where orientations are followed; base axes.
-        jacobian: (3 or 6, n) of the tip there.
+        joints: (n,) rad or m, solution for the latest pose.
+        error: (3 or 6,) remaining error in base axes: m, then rad if orientations are tracked.
+        jacobian: (3 or 6, n) of the tip at `joints`.
     """
 
     def __init__(self, arm: Arm, rest: np.ndarray, dt: float, turned: bool = True) -> None:
-        """Make a follower, which is to be started; `rest` (n,) and `dt` are those of `follow`."""
+        """Create a follower; call `start` first. `rest` (n,) and `dt` are those of `follow`."""
         self._arm, self._data, self._rest = arm, arm.model.createData(), np.array(rest, dtype=float)
         self._pull, self._identity = TO_REST * dt, np.eye(arm.model.nv)
         self.joints, self.error = self._rest.copy(), np.zeros(6 if turned else 3)
         self.jacobian = np.zeros((len(self.error), arm.model.nv))
 
     def start(self, position: np.ndarray, orientation: np.ndarray | None) -> np.ndarray:
-        """Joints (n,) for the first pose (3,), (4,), as near to rest as it permits.
+        """Joints (n,) for the first pose (3,), (4,), as close to rest as it permits.
 
-        Redundant joints converge too, so that the path starts without a motion of theirs.
+        Redundant joints are iterated to convergence, so the path does not start with a null-space motion.
         """
         self.joints = self._rest.copy()
         for _ in range(FIRST_STEPS):
@@ -164,7 +163,7 @@ class Follower:
         return self.joints
 
     def step(self, position: np.ndarray, orientation: np.ndarray | None) -> np.ndarray:
-        """Joints (n,) for the next pose, from those of the one before."""
+        """Joints (n,) for the next pose, starting from the previous solution."""
         self._take(self._newton(position, orientation, self._pull))
         for _ in range(STEPS):
             move = self._newton(position, orientation, 0.0)
@@ -174,13 +173,13 @@ class Follower:
         return self.joints
 
     def _newton(self, position: np.ndarray, orientation: np.ndarray | None, pull: float) -> np.ndarray:
-        """Newton step (n,) towards a pose, and of redundant joints by a share `pull` of the way to rest."""
+        """Newton step (n,) towards a pose, plus a null-space step of `pull` times the way to rest."""
         arm, data = self._arm, self._data
         pinocchio.computeJointJacobians(arm.model, data, configuration(arm.model, self.joints))
         frame = pinocchio.updateFramePlacement(arm.model, data, arm.tip)
         axes = pinocchio.ReferenceFrame.LOCAL_WORLD_ALIGNED
         jacobian = pinocchio.getFrameJacobian(arm.model, data, arm.tip, axes)
-        self.jacobian = jacobian.reshape(6, -1)[: len(self.error)]  # of a single joint it is a vector
+        self.jacobian = jacobian.reshape(6, -1)[: len(self.error)]  # a vector for a single joint
         self.error[:3] = position - frame.translation
         if len(self.error) == 6 and orientation is not None:
             self.error[3:] = pinocchio.log3(quaternion.matrix(orientation) @ frame.rotation.T)
@@ -198,21 +197,22 @@ class Follower:
 
 @dataclass(frozen=True)
 class LinkShapes:
-    """Shapes of an arm's links, and the pairs of them that are checked."""
+    """Collision shapes of an arm's links, and the pairs that are checked."""
 
     arm: Arm
     meshes: pinocchio.GeometryModel  # as in the URDF
     hulls: pinocchio.GeometryModel  # the same pairs, with meshes replaced by their convex hulls
-    pairs: tuple[str, ...]  # (N,) names of the links of each pair, "a and b"
+    pairs: tuple[str, ...]  # (N,) link names of each pair, "a and b"
     touching: tuple[str, ...]  # pairs that touch at rest and are not checked
-    bare: tuple[str, ...]  # links that move and have no shape
+    bare: tuple[str, ...]  # moving links without a shape
 
 
 def read_shapes(arm: Arm, locked: Sequence[str], rest: np.ndarray) -> LinkShapes:
-    """Read the collision shapes of an arm's URDF, with the same joints locked; rest is a configuration (n,).
+    """Read an arm's collision shapes from its URDF, with the same joints locked; `rest` is (n,) rad or m.
 
-    Meshes are searched in the URDF's folder and those above it, and by ROS_PACKAGE_PATH. Raises InputError: a
-    mesh is missing or unreadable, or there are fewer than two links with shapes.
+    Meshes are searched for in the URDF's folder, the folders above it, and ROS_PACKAGE_PATH.
+
+    Raises InputError: a mesh is missing or unreadable, or fewer than two links have shapes.
     """
     model = pinocchio.buildModelFromUrdf(str(arm.source))
     folder = arm.source.resolve().parent
@@ -247,7 +247,7 @@ def read_shapes(arm: Arm, locked: Sequence[str], rest: np.ndarray) -> LinkShapes
 def link_distances(shapes: LinkShapes, joints: np.ndarray, near: float) -> np.ndarray:
     """Distance of each pair along a path: (T, n) joints -> (T, N) m, negative or 0 where links touch.
 
-    Where hulls come nearer than `near` m, the meshes decide.
+    Pairs whose hulls are closer than `near` m are measured on the meshes.
     """
     arm, data = shapes.arm, shapes.arm.model.createData()
     hulls, meshes = pinocchio.GeometryData(shapes.hulls), pinocchio.GeometryData(shapes.meshes)
@@ -265,7 +265,7 @@ def link_distances(shapes: LinkShapes, joints: np.ndarray, near: float) -> np.nd
 
 
 def _distant_pairs(arm: Arm, shapes: pinocchio.GeometryModel) -> list[pinocchio.CollisionPair]:
-    """All pairs of shapes whose links are not the same, nor joined by one joint."""
+    """All pairs of shapes on different links that no joint connects directly."""
     parents = list(arm.model.parents)
     moved = [shape.parentJoint for shape in shapes.geometryObjects]
     return [
@@ -293,6 +293,6 @@ def _drop_touching(arm: Arm, shapes: pinocchio.GeometryModel, rest: np.ndarray) 
 
 
 def _names(shapes: pinocchio.GeometryModel, pair: pinocchio.CollisionPair) -> str:
-    """Names of both links, without Pinocchio's numbers of their shapes."""
+    """Names of both links, without the shape index that Pinocchio appends."""
     names = [shapes.geometryObjects[place].name.rsplit("_", 1)[0] for place in (pair.first, pair.second)]
     return " and ".join(names)

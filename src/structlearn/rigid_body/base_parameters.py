@@ -1,8 +1,8 @@
-"""Base parameters: combinations of inertial parameters that joint torques identify (Gautier and Khalil 1990).
+"""Base parameters: combinations of inertial parameters identifiable from torques (Gautier and Khalil 1990).
 
-Of the ten parameters of each link some never act on a joint, and others act only in sums. A learned mass need
-not be the link's mass, while the base parameters of a good model are those of the robot. How well a motion
-determines them is Gautier's (1992) condition number. Tables hold learned inertias beside the true ones.
+Some of a link's ten inertial parameters never affect a joint torque, and others do so only in sums. A learned
+mass therefore need not be the link's mass, but the base parameters of a good model match those of the robot.
+How well a motion determines them is measured by the condition number of Gautier (1992).
 """
 
 from dataclasses import dataclass
@@ -19,25 +19,25 @@ from structlearn.rigid_body.regressor import link_parameters, torque_regressor
 from structlearn.rigid_body.tree import KinematicTree, LinkInertias
 
 SYMBOLS = ("m", "hx", "hy", "hz", "Ixx", "Ixy", "Ixz", "Iyy", "Iyz", "Izz")
-"""Of the columns of a link; inertias about the joint origin."""
+"""Names of a link's columns; inertias are about the joint origin."""
 
 _STATES = 200
-_DEPENDENT = 1e-4  # of a column; rounding leaves 1e-15, and URDFs write a right angle as 1.5708 rad
-_SINGULAR = 1e-10  # directions excited by less than this share of the strongest (of squares) are left at zero
-_PIECES_PER_PARAMETER = 3  # of a motion: blocks times joints, at least, for intervals
-_NO_SHARE = 1e-9  # factors below are rounding
-_NOT_WORTH_A_WORD = 1e-5  # factors below are not written
+_DEPENDENT = 1e-4  # share of a column's norm; rounding leaves 1e-15, but URDFs write a right angle as 1.5708
+_SINGULAR = 1e-10  # eigenvalues below this share of the largest count as zero
+_PIECES_PER_PARAMETER = 3  # least number of blocks times joints per parameter, for intervals
+_NO_SHARE = 1e-9  # smaller factors are rounding errors
+_NOT_WORTH_A_WORD = 1e-5  # smaller factors are left out of formulas
 
 
 @dataclass(frozen=True)
 class BaseParameters:
     """Identifiable combinations beta = combination @ theta."""
 
-    columns: np.ndarray  # (r,) the parameter of theta that represents each combination, with factor 1
-    combination: np.ndarray  # (r, 10 n) the factors
+    columns: np.ndarray  # (r,) theta index of the parameter with factor 1 that names each combination
+    combination: np.ndarray  # (r, 10 n) factors
 
     def values(self, inertias: LinkInertias) -> np.ndarray:
-        """Base parameters (..., r) of inertias with mass (..., n), in the SI units of their columns."""
+        """Base parameters (..., r) of link inertias, mass (..., n), in SI units."""
         return link_parameters(inertias.tensors()).detach().numpy() @ self.combination.T
 
     def formulas(self, tree: KinematicTree) -> list[str]:
@@ -47,14 +47,14 @@ class BaseParameters:
 
 
 def base_parameters(tree: KinematicTree, seed: int = 0) -> BaseParameters:
-    """Base parameters of a robot, found from its regressor at random states within the limits.
+    """Base parameters of a robot, from the rank of its regressor at random states within the limits.
 
-    Columns are taken from the base to the tip; one that depends on those before it is distributed among them,
-    so that what belongs to a link is added to the links that carry it. The seed does not matter.
+    Columns are processed from base to tip. A column that depends on earlier ones is distributed among them,
+    so inertia of a link is added to the links that carry it. The result does not depend on the seed.
     """
     q, qd, qdd = _random_states(tree, np.random.default_rng(seed))
     stacked = torque_regressor(tree, q, qd, qdd).reshape(q.size, -1)
-    (triangle,) = qr(stacked, mode="r")  # the same dependencies in fewer rows
+    (triangle,) = qr(stacked, mode="r")  # the same linear dependencies in fewer rows
     columns = _independent(triangle[: stacked.shape[1]])
     combination = np.linalg.lstsq(triangle[:, columns], triangle, rcond=None)[0]
     combination[np.abs(combination) < _NO_SHARE] = 0.0
@@ -63,16 +63,16 @@ def base_parameters(tree: KinematicTree, seed: int = 0) -> BaseParameters:
 
 @dataclass(frozen=True)
 class BaseFit:
-    """Least squares of base parameters and friction; 95 % intervals.
+    """Least-squares fit of base parameters and friction, with 95 % intervals.
 
-    The condition number is the ratio of the largest to the least singular value, columns scaled to unit
-    length: the factor by which relative errors may grow. Below 100 a motion counts as well excited.
+    The condition number is the ratio of the largest to the smallest singular value, with columns scaled to
+    unit length: a bound on the growth of relative errors. A motion below 100 counts as well excited.
     """
 
     condition: float
-    parameters: np.ndarray  # (r,) base parameters, SI units, with the ends of their intervals
-    low: np.ndarray
-    high: np.ndarray
+    parameters: np.ndarray  # (r,) base parameters, SI units
+    low: np.ndarray  # (r,) lower and
+    high: np.ndarray  # (r,) upper ends of their intervals
 
 
 def fit_base(
@@ -84,10 +84,11 @@ def fit_base(
     draws: int,
     seed: int,
 ) -> BaseFit:
-    """Fit base parameters and friction to a motion; every joint's error is divided by its torque's variance.
+    """Fit base parameters and friction to a motion, each joint's error weighted by 1 / its torque variance.
 
-    Intervals come from `draws` of blocks of `length` samples, shorter if there were too few for so many
-    parameters, and from the t distribution: percentiles of few blocks cover the truth in 91 of 100 logs.
+    The bootstrap resamples `draws` times blocks of `length` samples (shorter if there are too few blocks for
+    the number of parameters). Intervals use the t distribution, because percentiles of so few blocks covered
+    the truth in only 91 of 100 logs.
     """
     columns = torque_regressor(tree, motion.q, motion.qd, motion.qdd)[..., base.columns]
     columns = np.concatenate([columns, friction_regressor(motion.q, motion.qd, friction)], axis=-1)
@@ -106,7 +107,7 @@ def fit_base(
     singular = np.linalg.svd(columns.reshape(-1, columns.shape[-1]), compute_uv=False)
     condition = singular[0] / singular[-1] if singular[-1] > 0.0 else np.inf
     values, pieces = found[:, : len(base.columns)], len(squares) * motion.joints
-    free = max(1, pieces - columns.shape[-1])  # what is fitted lessens the errors that are left
+    free = max(1, pieces - columns.shape[-1])  # degrees of freedom of the residuals
     half = stdtrit(max(1, len(squares) - 1), 0.975) * np.sqrt(pieces / free) * values[1:].std(axis=0)
     return BaseFit(float(condition), values[0], values[0] - half, values[0] + half)
 
@@ -114,9 +115,9 @@ def fit_base(
 def link_table(tree: KinematicTree, learned: LinkInertias, truth: LinkInertias) -> pd.DataFrame:
     """Masses, centres of mass and principal moments of M learned models, mass (M, n), and the truth (n,).
 
-    Per model and link: `seed`, `link`, `mass_kg`, `centre_{x,y,z}_m`, `moment_{1,2,3}_kg_m2` in rising order,
-    the same with the prefix `true_`, and the conditions of physical consistency: `positive_mass`,
-    `positive_definite`, `triangle` (no moment above the sum of the others).
+    Per model and link: `seed`, `link`, `mass_kg`, `centre_{x,y,z}_m`, `moment_{1,2,3}_kg_m2` (ascending), the
+    same with prefix `true_`, and the conditions of physical consistency: `positive_mass`,
+    `positive_definite`, `triangle` (no moment above the sum of the other two).
     """
     models = len(learned.mass)
     columns = {"seed": np.repeat(np.arange(models), len(tree.names)), "link": np.tile(tree.names, models)}
@@ -154,7 +155,7 @@ def _independent(triangle: np.ndarray) -> np.ndarray:
     independent = []
     for index in np.flatnonzero(lengths > floor):
         rest = triangle[:, index] / lengths[index]
-        for _ in range(2):  # twice is enough for an orthogonal rest
+        for _ in range(2):  # Gram-Schmidt needs a second pass for full orthogonality
             rest = rest - basis @ (basis.T @ rest)
         if np.linalg.norm(rest) > _DEPENDENT:
             basis = np.column_stack([basis, rest / np.linalg.norm(rest)])
@@ -174,7 +175,7 @@ def _formula(row: np.ndarray, own: int, names: tuple[str, ...]) -> str:
 
 
 def _columns(inertias: LinkInertias) -> dict[str, np.ndarray]:
-    """Columns (..., n) of one set of inertias; of a tensor that is not symmetric, its symmetric part."""
+    """Table columns (..., n) of link inertias; a non-symmetric tensor counts by its symmetric part."""
     centre = inertias.first_moment / inertias.mass[..., None]
     symmetric = 0.5 * (inertias.inertia + np.swapaxes(inertias.inertia, -1, -2))
     moments = np.linalg.eigvalsh(symmetric)

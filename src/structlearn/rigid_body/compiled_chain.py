@@ -2,13 +2,13 @@
 
     M(q) qdd + b(q, qd) = tau        b: gravity, Coriolis and centrifugal forces
 
-All links are expressed in the base frame, about its origin: then inertias and forces of a subtree are plain
-sums, and the mass matrix (composite rigid bodies) and the bias (Newton-Euler) come out of one pass to the tip
-and one back. A screw, twist or wrench is angular, then linear part: (w, v) and (torque, force).
+Everything is expressed in the base frame about its origin, where inertias and forces of a subtree simply add
+up: the mass matrix (composite rigid bodies) and the bias (Newton-Euler) come out of one pass to the tip and
+one back. Screws, twists and wrenches are angular part first: (w, v) and (torque, force).
 
     robot, work = body(tree, inertias), workspace(count)
     dynamics(robot, q, v, work)               # frames, screws, M and b at this state
-    step(robot, q, v, torques, dt, work)      # semi-implicit Euler; they are those of the new state now
+    step(robot, q, v, torques, dt, work)      # semi-implicit Euler; the workspace is then at the new state
 """
 
 from typing import NamedTuple
@@ -21,7 +21,7 @@ from structlearn.rigid_body.tree import Chain, KinematicTree, LinkInertias
 
 
 class Body(NamedTuple):
-    """A robot with a fixed base for compiled functions; fields without remark are `KinematicTree`'s."""
+    """A fixed-base robot for compiled functions; undocumented fields are those of `KinematicTree`."""
 
     parents: np.ndarray
     rotation: np.ndarray
@@ -35,24 +35,24 @@ class Body(NamedTuple):
 
 
 class Workspace(NamedTuple):
-    """Quantities of one state; base frame, about its origin."""
+    """Quantities at one state, expressed in the base frame about its origin."""
 
     frame: np.ndarray  # (n, 3, 3) rotation of each link's joint frame
     place: np.ndarray  # (n, 3) m, its origin
-    screw: np.ndarray  # (n, 6) of each joint: twist of its link for unit speed
-    mass_matrix: np.ndarray  # (n, n) M; its factor once `accelerations` has run
+    screw: np.ndarray  # (n, 6) twist of each link for unit speed of its joint
+    mass_matrix: np.ndarray  # (n, n) M; overwritten with its factor by `accelerations`
     bias: np.ndarray  # (n,) b in N m or N
     twist: np.ndarray  # (n, 6) of each link
-    push: np.ndarray  # (n, 6) acceleration of each link at qdd = 0, gravity as an upward one
-    # (n, 10) inertia of each link and all that it carries: mass, first moment, xx, xy, xz, yy, yz, zz
+    push: np.ndarray  # (n, 6) acceleration of each link at qdd = 0; gravity counts as upward acceleration
+    # (n, 10) inertia of each link and its subtree: mass, first moment, xx, xy, xz, yy, yz, zz
     composite: np.ndarray
-    wrench: np.ndarray  # (n, 6) that moves these links so
+    wrench: np.ndarray  # (n, 6) wrench that gives the subtree these accelerations
     turn: np.ndarray  # (3, 3) scratch
     offset: np.ndarray  # (3,) scratch
 
 
 def body(tree: KinematicTree, inertias: LinkInertias) -> Body:
-    """The robot of a kinematic tree and its links' inertias, which have mass."""
+    """Arrays of a kinematic tree and its links' inertias; all masses must be positive."""
     mass = np.ascontiguousarray(inertias.mass, dtype=float)
     return Body(
         *Chain.of(tree),
@@ -63,7 +63,7 @@ def body(tree: KinematicTree, inertias: LinkInertias) -> Body:
 
 
 def workspace(count: int) -> Workspace:
-    """Memory for a robot of so many joints."""
+    """Preallocated workspace for a robot with `count` joints."""
     shapes = [(count, 3, 3), (count, 3), (count, 6), (count, count), (count,)]
     shapes += [(count, 6), (count, 6), (count, 10), (count, 6), (3, 3), (3,)]
     return Workspace(*(np.zeros(shape) for shape in shapes))
@@ -71,10 +71,10 @@ def workspace(count: int) -> Workspace:
 
 @numba.njit(cache=True, error_model="numpy")
 def step(body: Body, q: np.ndarray, v: np.ndarray, torques: np.ndarray, dt: float, work: Workspace) -> None:
-    """Move q and v (n,) on by a semi-implicit Euler step of dt in s, as PyBullet does.
+    """Advance q and v (n,) by a semi-implicit Euler step of dt s, as PyBullet does.
 
-    Torques (n,) on the joints become the accelerations; the workspace is of `dynamics` at q and v, afterwards
-    at the new ones.
+    Torques (n,) are overwritten with the accelerations. The workspace must hold `dynamics` at q and v, and
+    afterwards holds it at the new state.
     """
     accelerations(work, torques)
     for j in range(len(q)):
@@ -85,7 +85,7 @@ def step(body: Body, q: np.ndarray, v: np.ndarray, torques: np.ndarray, dt: floa
 
 @numba.njit(cache=True, error_model="numpy")
 def accelerations(work: Workspace, torques: np.ndarray) -> None:
-    """Turn torques (n,) of the joints into their accelerations, at the state of the last `dynamics`."""
+    """Overwrite joint torques (n,) with accelerations, at the state of the last `dynamics`."""
     for j in range(len(torques)):
         torques[j] -= work.bias[j]
     factorise(work.mass_matrix)
@@ -146,9 +146,9 @@ def kinematics(body: Body, q: np.ndarray, work: Workspace) -> None:
 
 @numba.njit(cache=True, error_model="numpy")
 def factorise(matrix: np.ndarray) -> None:
-    """Replace the upper triangle of a positive definite matrix (n, n) by U, matrix = U^T U (Cholesky)."""
+    """Overwrite the upper triangle of a positive definite matrix (n, n) by U, matrix = U^T U (Cholesky)."""
     count = len(matrix)
-    for j in range(count):  # row by row, so that inner loops run along memory and need no reordered sums
+    for j in range(count):  # row by row: inner loops then run along memory
         pivot = 1.0 / np.sqrt(matrix[j, j])
         for k in range(j, count):
             matrix[j, k] *= pivot
@@ -160,7 +160,7 @@ def factorise(matrix: np.ndarray) -> None:
 
 @numba.njit(cache=True, error_model="numpy")
 def solve(factor: np.ndarray, right: np.ndarray) -> None:
-    """Replace the right side (n,) of a linear system by its solution; `factor` (n, n) of `factorise`."""
+    """Overwrite the right-hand side (n,) with the solution; `factor` (n, n) comes from `factorise`."""
     count = len(right)
     for i in range(count):
         right[i] /= factor[i, i]
@@ -191,7 +191,7 @@ def _power(screw: np.ndarray, wrench: np.ndarray | tuple) -> float:
 
 @compiled_inside
 def _move(parent: int, gravity: np.ndarray, speed: float, j: int, work: Workspace) -> None:
-    """Write a link's twist and its acceleration at qdd = 0 from its parent's."""
+    """Write a link's twist and its acceleration at qdd = 0, from those of its parent."""
     twist, push, screw = work.twist[j], work.push[j], work.screw[j]
     for k in range(3):
         push[k] = 0.0
@@ -211,7 +211,7 @@ def _move(parent: int, gravity: np.ndarray, speed: float, j: int, work: Workspac
 
 @compiled_inside
 def _carry(mass: float, centre: np.ndarray, inertia: np.ndarray, j: int, work: Workspace) -> None:
-    """Write a link's own inertia, and the wrench that moves it as `_move` found."""
+    """Write a link's own inertia, and the wrench for the acceleration that `_move` wrote."""
     frame, place, turn, own = work.frame[j], work.place[j], work.turn, work.composite[j]
     c = (
         place[0] + _row(frame, 0, centre),
@@ -244,7 +244,7 @@ def _carry(mass: float, centre: np.ndarray, inertia: np.ndarray, j: int, work: W
 
 @numba.njit(cache=True, error_model="numpy", inline="always")
 def _momentum(own: np.ndarray, twist: np.ndarray) -> tuple:
-    """An inertia (10,) of `Workspace.composite` times a twist (6,): angular, then linear momentum."""
+    """Angular, then linear momentum: an inertia (10,) as in `Workspace.composite` times a twist (6,)."""
     w, v, h = (twist[0], twist[1], twist[2]), (twist[3], twist[4], twist[5]), (own[1], own[2], own[3])
     angular, linear = cross(h, v), cross(h, w)
     return (

@@ -1,8 +1,8 @@
-"""Inverse dynamics of one state, compiled for the ticks of a control loop.
+"""Compiled inverse dynamics of a single state, for control loops.
 
-Rigid bodies, a perceptron and a Lagrangian network are one type, so one compiled loop takes them all. The
-batched, differentiable references are `newton_euler` and `network_models`. Inertias are first moved to the
-joint frames' origins (parallel axes), where the recursion needs only the first moment h = m c.
+Rigid-body models, perceptrons and Lagrangian networks share one type, so one compiled loop takes all three.
+The batched, differentiable references are `newton_euler` and `network_models`. Inertias are first moved to
+the joint origins (parallel axes), where the recursion needs only the first moment h = m c.
 """
 
 import math
@@ -18,7 +18,7 @@ from structlearn.rigid_body.tree import Chain, KinematicTree, LinkInertias
 
 
 class RigidBodies(NamedTuple):
-    """Links and joints of a model for compiled functions; fields without remark are `KinematicTree`'s."""
+    """Links and joints for compiled functions; undocumented fields are those of `KinematicTree`."""
 
     parents: np.ndarray
     rotation: np.ndarray
@@ -29,16 +29,17 @@ class RigidBodies(NamedTuple):
     mass: np.ndarray  # (n,) kg
     moment: np.ndarray  # (n, 3) kg m, mass times centre of mass
     inertia: np.ndarray  # (n, 3, 3) kg m^2, about the joint frame's origin; need not be symmetric
-    friction: np.ndarray  # (4, n) of `friction_rows`
+    friction: np.ndarray  # (4, n) as `friction_rows`
 
 
 def inverse_dynamics(
     tree: KinematicTree, inertias: LinkInertias, friction: np.ndarray | None = None
 ) -> "InverseDynamics":
-    """Newton-Euler inverse dynamics of one state (eq. III.1); the inertias need not be physical.
+    """Newton-Euler inverse dynamics of a single state (eq. III.1); the inertias need not be physical.
 
-    Friction is (4, n) of `friction_rows`, or None. Raises ValueError: it has another shape, so that compiled
-    functions would read past its end.
+    Friction is (4, n) as from `friction_rows`, or None.
+
+    Raises ValueError: friction has another shape, so that compiled functions would read out of bounds.
     """
     mass, moment = (np.asarray(its, dtype=float) for its in (inertias.mass, inertias.first_moment))
     squares = np.einsum("ni,ni->n", moment, moment)[:, None, None] * np.eye(3)
@@ -54,9 +55,9 @@ def inverse_dynamics(
 
 
 def friction_rows(coefficients: np.ndarray, terms: Sequence[FrictionTerm]) -> np.ndarray:
-    """Friction (4, n) of each joint for compiled functions, from coefficients (n, k) of some terms.
+    """Friction (4, n) for compiled functions, from coefficients (n, k) of the given terms.
 
-    Viscous in N m s/rad, Coulomb and offset in N m, stiffness in N m/rad; zero for other terms.
+    Rows: viscous in N m s/rad, Coulomb and offset in N m, stiffness in N m/rad; absent terms are zero.
     """
     rows = np.zeros((len(get_args(FrictionTerm)), len(coefficients)))
     for column, term in enumerate(terms):
@@ -66,9 +67,9 @@ def friction_rows(coefficients: np.ndarray, terms: Sequence[FrictionTerm]) -> np
 
 @numba.njit(cache=True, inline="always")
 def joint_placement(chain: Any, joint: int, q: float, turn: np.ndarray, offset: np.ndarray) -> None:
-    """Write orientation `turn` (3, 3) and origin `offset` (3,) of a joint's frame in its parent's.
+    """Write rotation `turn` (3, 3) and origin `offset` (3,) of a joint frame in its parent's frame.
 
-    `chain`: `RigidBodies`, or `compiled_chain.Body`.
+    `chain` is a `RigidBodies` or a `compiled_chain.Body`.
     """
     rotation, translation, axis = chain.rotation[joint], chain.translation[joint], chain.axis[joint]
     if chain.prismatic[joint]:
@@ -97,14 +98,14 @@ def joint_placement(chain: Any, joint: int, q: float, turn: np.ndarray, offset: 
 
 @numba.njit(cache=True, inline="always")
 def _turned_back(turn: np.ndarray, vector: np.ndarray, out: np.ndarray) -> None:
-    """R^T v: a vector of the parent's frame in the joint's."""
+    """R^T v: a vector of the parent's frame, in the joint frame."""
     for k in range(3):
         out[k] = turn[0, k] * vector[0] + turn[1, k] * vector[1] + turn[2, k] * vector[2]
 
 
 @numba.njit(cache=True)
 def newton_euler(bodies: RigidBodies, q: np.ndarray, qd: np.ndarray, qdd: np.ndarray) -> np.ndarray:
-    """Torques (n,) in N m of the recursion."""
+    """Torques (n,) in N m by the recursive Newton-Euler algorithm."""
     parents, prismatic, axis = bodies.parents, bodies.prismatic, bodies.axis
     mass, moment, inertia = bodies.mass, bodies.moment, bodies.inertia
     count = len(q)
@@ -176,7 +177,7 @@ def newton_euler(bodies: RigidBodies, q: np.ndarray, qd: np.ndarray, qdd: np.nda
 
 @numba.njit(cache=True)
 def add_friction(friction: np.ndarray, q: np.ndarray, qd: np.ndarray, torques: np.ndarray) -> None:
-    """Add friction, rows (4, n), at positions and velocities (n,) to torques (n,)."""
+    """Add friction, rows (4, n) as `friction_rows`, at positions and velocities (n,) to torques (n,)."""
     for i in range(len(qd)):
         direction = math.tanh(qd[i] / COULOMB_WIDTH) if friction[1, i] != 0.0 else 0.0
         torques[i] += friction[0, i] * qd[i] + friction[1, i] * direction + friction[2, i]
@@ -184,17 +185,17 @@ def add_friction(friction: np.ndarray, q: np.ndarray, qd: np.ndarray, torques: n
 
 
 class Networks(NamedTuple):
-    """A perceptron, or the two networks of a Lagrangian one, for compiled functions."""
+    """A perceptron, or the two networks of a Lagrangian model, for compiled functions."""
 
-    values: np.ndarray  # all numbers, as in `compiled_layers.PackedNetworks`
+    values: np.ndarray  # all weights and biases, as in `compiled_layers.PackedNetworks`
     first: np.ndarray  # (P,) where each network begins in `values`
     sizes: np.ndarray  # (P, L + 1) inputs, then width of each layer
-    memory: np.ndarray  # (P, L + 2, W) for the layers' values
-    # (n (n + 1) / 2,) entries of the inertia's factor that a Lagrangian's first network gives; else empty
+    memory: np.ndarray  # (P, L + 2, W) scratch for activations
+    # (n (n + 1) / 2,) row and column of each output of a Lagrangian's first network in L; else empty
     rows: np.ndarray
     columns: np.ndarray
-    least_inertia: float  # of a Lagrangian, added to the diagonal of its inertia
-    friction: np.ndarray  # (4, n) of `friction_rows`, beside a Lagrangian
+    least_inertia: float  # added to the diagonal of a Lagrangian's inertia matrix
+    friction: np.ndarray  # (4, n) as `friction_rows`, for a Lagrangian
 
 
 @numba.njit(cache=True)
@@ -206,7 +207,7 @@ def perceptron_torques(networks: Networks, q: np.ndarray, qd: np.ndarray, qdd: n
 
 @numba.njit(cache=True)
 def lagrangian_torques(networks: Networks, q: np.ndarray, qd: np.ndarray, qdd: np.ndarray) -> np.ndarray:
-    """Torques (n,) in N m of a Lagrangian network; the equations are in the header of `network_models`."""
+    """Torques (n,) in N m of a Lagrangian network; see the equations in `network_models`."""
     values, first, sizes = networks.values, networks.first, networks.sizes
     inertia_work, potential_work = networks.memory[0], networks.memory[1]
     rows, columns = networks.rows, networks.columns
@@ -245,7 +246,7 @@ def lagrangian_torques(networks: Networks, q: np.ndarray, qd: np.ndarray, qdd: n
 def _forward(
     values: np.ndarray, begin: int, sizes: np.ndarray, inputs: np.ndarray, work: np.ndarray
 ) -> np.ndarray:
-    """Outputs of a network whose last layer is linear; its layers' values are left in `work`."""
+    """Outputs of a network with a linear last layer; activations are left in `work`."""
     last = len(sizes) - 2
     at = hidden_layers(values, begin, last, sizes, inputs, work)
     affine(values, at, sizes[last], sizes[last + 1], work[last], work[last + 1])
@@ -256,7 +257,7 @@ def _forward(
 def _tangent(
     values: np.ndarray, begin: int, sizes: np.ndarray, work: np.ndarray, direction: np.ndarray
 ) -> np.ndarray:
-    """Change of the outputs along a direction of the inputs."""
+    """Directional derivative of the outputs along a direction of the inputs."""
     change, at, last = direction, begin + 2 * sizes[0], len(sizes) - 2
     for layer in range(last + 1):
         before, after = sizes[layer], sizes[layer + 1]
@@ -276,7 +277,7 @@ def _tangent(
 def _adjoint(
     values: np.ndarray, end: int, sizes: np.ndarray, work: np.ndarray, cotangent: np.ndarray
 ) -> np.ndarray:
-    """Gradient at the inputs of the outputs times a cotangent; the network's numbers end at `end`."""
+    """Vector-Jacobian product: gradient of cotangent . outputs by the inputs; weights end at `end`."""
     gradient, at = cotangent, end
     for layer in range(len(sizes) - 2, -1, -1):
         before, after = sizes[layer], sizes[layer + 1]
@@ -299,11 +300,11 @@ BODIES, PERCEPTRON, LAGRANGIAN = range(3)
 
 
 class InverseDynamics(NamedTuple):
-    """A model of any kind, as arrays."""
+    """Inverse dynamics of a model of any kind, as arrays."""
 
     kind: int  # `BODIES`, `PERCEPTRON` or `LAGRANGIAN`
-    bodies: RigidBodies  # of the first kind; without joints for the others
-    networks: Networks  # of the others; without numbers for the first kind
+    bodies: RigidBodies  # empty for networks
+    networks: Networks  # empty for rigid bodies
 
     def __call__(self, q: np.ndarray, qd: np.ndarray, qdd: np.ndarray) -> np.ndarray:
         """Torques (n,) in N m at q, qd, qdd (n,) in rad, rad/s, rad/s^2 (m where a joint slides)."""

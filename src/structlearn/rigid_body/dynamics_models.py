@@ -1,4 +1,4 @@
-"""Learned dynamics models: files, inertias and friction, predicted torques, and compiled inverse dynamics."""
+"""Learned dynamics models: reading and writing, inertias, friction, torques, compiled inverse dynamics."""
 
 import json
 from collections.abc import Mapping
@@ -38,21 +38,21 @@ HEADING = "dynamics_models"
 
 @dataclass(frozen=True)
 class DynamicsModels:
-    """M models of one kind.
+    """M learned models of one kind, e.g. one per seed.
 
-    The state has tensors with a leading axis of models. A structure has free parameters `inertia` (M, n, k)
-    and `friction` (M, n, t); networks have their weights and `friction`.
+    Tensors of the state have a leading axis of models. Structures have free parameters `inertia` (M, n, k)
+    and `friction` (M, n, t); networks have weights and `friction`.
     """
 
     kind: Kind
     joints: tuple[str, ...]  # names, in the order of states and torques
-    friction: tuple[FrictionTerm, ...]  # terms of joint friction that were learned
-    hidden: tuple[int, ...]  # nodes of each hidden layer; empty for a structure
+    friction: tuple[FrictionTerm, ...]  # learned terms of joint friction
+    hidden: tuple[int, ...]  # width of each hidden layer; empty for structures
     state: Mapping[str, np.ndarray]
 
     @property
     def structured(self) -> bool:
-        """Whether these are inertias."""
+        """Whether these are rigid-body models, not networks."""
         return self.kind in STRUCTURES
 
     @property
@@ -62,33 +62,33 @@ class DynamicsModels:
         return self.kind
 
     def inertias(self) -> LinkInertias[np.ndarray]:
-        """Mass (M, n), first moment and inertia of the links, of a structure."""
+        """Mass (M, n), first moment and inertia of the links; structures only."""
         return link_inertias(self.structure, torch.from_numpy(self.state["inertia"])).arrays()
 
     def friction_coefficients(self) -> np.ndarray:
-        """(M, n, t) coefficients of the terms; t is 0 where no friction was learned."""
+        """(M, n, t) coefficients of the friction terms; t = 0 if no friction was learned."""
         free = self.state["friction"]
         if not self.friction:
             return np.zeros((len(free), len(self.joints), 0))
         return friction_coefficients(torch.from_numpy(free), self.friction).double().numpy()
 
     def networks(self) -> StackedPerceptrons | StackedLagrangianNetworks:
-        """All M networks, without their friction."""
+        """All M networks, without friction."""
         network = StackedLagrangianNetworks if self.kind == "delan" else StackedPerceptrons
         return network.from_arrays({name: torch.from_numpy(values) for name, values in self.state.items()})
 
 
 def write_dynamics_models(models: DynamicsModels, path: str | Path) -> None:
-    """Publish models as safetensors: the state, and a description of the rest."""
+    """Publish models as safetensors: the state, and a JSON description of the other fields."""
     description = {name: getattr(models, name) for name in ("kind", "joints", "friction", "hidden")}
     write_tensors(models.state, path, json.dumps({HEADING: description}, sort_keys=True))
 
 
 def read_dynamics_models(path: str | Path) -> DynamicsModels:
-    """Read models.
+    """Read models written by `write_dynamics_models`.
 
     Raises:
-        InputError: the file is missing, no safetensors, or holds something else, or a value is not finite.
+        InputError: the file is missing, is not such a file, or holds a value that is not finite.
     """
     state = read_tensors(path)
     with holding(path, "dynamics models"):
@@ -102,14 +102,14 @@ def read_dynamics_models(path: str | Path) -> DynamicsModels:
 
 
 def rigid_body_torques(tree: KinematicTree, inertias: LinkInertias, motion: Motion) -> np.ndarray:
-    """Torques (M, N, n) of inertias with mass (M, n), or (N, n) of mass (n,), without friction."""
+    """Torques (M, N, n) in N m of inertias with mass (M, n), or (N, n) for mass (n,); no friction."""
     columns = torque_regressor(tree, motion.q, motion.qd, motion.qdd, symmetric=False)
     theta = link_parameters(inertias.tensors(), symmetric=False).numpy()
     return np.moveaxis(columns @ theta.T, -1, 0) if theta.ndim == 2 else columns @ theta
 
 
 def predicted_torques(models: DynamicsModels, tree: KinematicTree, motion: Motion) -> np.ndarray:
-    """Torques (M, N, n) in N m of M learned models on a motion, friction included."""
+    """Torques (M, N, n) in N m of M learned models on a motion, including friction."""
     if models.structured:
         torques = rigid_body_torques(tree, models.inertias(), motion)
     else:
@@ -126,7 +126,7 @@ def predicted_torques(models: DynamicsModels, tree: KinematicTree, motion: Motio
 
 
 def torque_parts(models: DynamicsModels, tree: KinematicTree, motion: Motion) -> dict[str, np.ndarray]:
-    """Inertial, Coriolis (and centrifugal) and gravitational torques (M, N, n) in N m, without friction."""
+    """Inertial, Coriolis (and centrifugal) and gravity torques (M, N, n) in N m, without friction."""
     rest = np.zeros_like(motion.qd)
     frictionless = replace(models, friction=())
     gravity, moving, accelerating = (
@@ -137,7 +137,7 @@ def torque_parts(models: DynamicsModels, tree: KinematicTree, motion: Motion) ->
 
 
 def compiled_model(models: DynamicsModels, model: int, tree: KinematicTree) -> InverseDynamics:
-    """One of M learned models, with its friction, as inverse dynamics of one state.
+    """Compiled inverse dynamics of one of M learned models, including its friction.
 
     Raises:
         InputError: the models were learned on an arm with other joints.
@@ -165,7 +165,7 @@ def compiled_model(models: DynamicsModels, model: int, tree: KinematicTree) -> I
 
 
 def _with_scales(networks: StackedPerceptrons, model: int) -> Layers:
-    """Layers of one perceptron; standardising is linear and becomes part of the first and the last layer."""
+    """Layers of one perceptron, with the standardisation folded into its first and last layer."""
     layers = networks.network.layers_of(model)
     mean, scale, out_mean, out_scale = (getattr(networks, name).double().numpy() for name in SCALING)
     (weights, biases), inner = layers[0], layers[1:]

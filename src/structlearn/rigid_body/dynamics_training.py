@@ -1,8 +1,8 @@
-"""Training of inverse-dynamics models: shuffled epochs until they are good enough, or once through, online.
+"""Training of inverse-dynamics models: shuffled epochs up to an error threshold, or one online pass.
 
-Models of one kind train together, one per seed: the seed decides where a model starts, the order of the
-samples is the same for all. Inertias descend compiled: with fixed kinematics torques are Y theta, so the
-gradient at theta is a matrix product, which `inertia_parameters` carries through the parameterisation.
+Models of one kind train together, one per seed. The seed decides the initial parameters; all models see the
+samples in the same order. Training of inertias is compiled: with fixed kinematics torques are Y theta, so
+the gradient by theta is a matrix product, which `inertia_parameters` propagates to the free parameters.
 """
 
 import math
@@ -38,10 +38,10 @@ Loss = Literal["raw", "normalised"]
 LOSSES: tuple[Loss, ...] = get_args(Loss)
 
 SHARED = (*SCALING, "row", "column")
-"""Tensors of a state that all its models have in common."""
+"""Tensors of a state that all models share."""
 
 MEAN_DECAY, SMALLEST_ROOT = 0.9, 1e-8
-"""Of Adam: decay of the running mean of gradients per step; added to the root of their mean square."""
+"""Adam: decay of the mean gradient per step; constant added to the root of the mean squared gradient."""
 
 
 class LearningParameters(Parameters):
@@ -54,9 +54,9 @@ class LearningParameters(Parameters):
 
 
 class TrainingData:
-    """A motion to learn from, and the terms of friction that are learned too.
+    """A motion to learn from, and the friction terms to learn.
 
-    Networks do not use the kinematics; a regressor is made once for all structures.
+    Networks ignore the kinematics; all structures share one regressor, which is made once.
     """
 
     def __init__(self, tree: KinematicTree, motion: Motion, friction: tuple[FrictionTerm, ...] = ()):
@@ -64,16 +64,16 @@ class TrainingData:
         self._regressors: dict[bool, MotionRegressor] = {}
 
     def regressor(self, symmetric: bool) -> MotionRegressor:
-        """The motion's regressor for inertias that are symmetric, or for nostr, whose are not."""
+        """Regressor of the motion, for symmetric inertias or (nostr) for full ones."""
         if symmetric not in self._regressors:
             self._regressors[symmetric] = MotionRegressor(self.tree, self.motion, symmetric, self.friction)
         return self._regressors[symmetric]
 
 
 class InertiaLearner:
-    """M models of one structure that learn from the same samples.
+    """M models of one structure, trained together on the same samples.
 
-    `weights` (n,) are those of each joint's squared error in the loss; a generator per model draws its start.
+    `weights` (n,) scale each joint's squared error in the loss; each model has a generator for its start.
     """
 
     def __init__(
@@ -93,7 +93,7 @@ class InertiaLearner:
         self.adam, self.batch, self.steps = adam, adam.batch, 0
 
     def learn(self, order: torch.Tensor) -> None:
-        """Steps of Adam down the mean weighted squared error of samples, a batch each."""
+        """Adam steps on the mean weighted squared error, one per batch of samples in the given order."""
         models = (self.structure, self.free, self.rubbing, self.squared)
         data = (self.regressor.columns, self.regressor.torque, self.weights)
         rates = (self.adam.rate, self.adam.second_moment_decay)
@@ -101,12 +101,12 @@ class InertiaLearner:
         self.steps += -(-len(order) // self.batch)
 
     def nmse(self, stride: int = 1) -> np.ndarray:
-        """(M, n) errors on the whole motion; a stride would save nothing."""
+        """NMSE (M, n) on the whole motion; the stride is ignored, since it would save nothing."""
         theta = structure_theta(self.structure, self.free, self.rubbing, self.squared)
         return self.regressor.factors.nmse(theta)
 
     def keep(self, models: np.ndarray) -> None:
-        """Go on with some of the models, (M,) whether each is among them."""
+        """Keep only some models; (M,) mask."""
         self.free, self.rubbing = self.free[models], self.rubbing[models]
         self.moments = tuple((mean[models], square[models]) for mean, square in self.moments)
 
@@ -120,11 +120,11 @@ Learner = InertiaLearner | NetworkLearner
 
 @dataclass(frozen=True)
 class Learned:
-    """Outcome of a training of M models."""
+    """Result of training M models."""
 
-    state: dict[str, np.ndarray]  # of the models, each when it became good enough, or after the last epoch
-    nmse: np.ndarray  # (E + 1, M, n) at the start and after each epoch; the last one once a model has stopped
-    epochs: np.ndarray  # (M,) epochs that each needed; 0: not good enough after all of them
+    state: dict[str, np.ndarray]  # each model's, when it reached the threshold or after the last epoch
+    nmse: np.ndarray  # (E + 1, M, n) at the start and after each epoch; constant once a model has stopped
+    epochs: np.ndarray  # (M,) epochs needed; 0 if the threshold was not reached
 
     def part(self, model: int) -> "Learned":
         """One of the models."""
@@ -134,14 +134,14 @@ class Learned:
 
 
 def loss_weights(loss: Loss, motion: Motion) -> np.ndarray:
-    """(n,) of each joint's squared error: 1 as in eq. III.2, or 1 over the torque's variance."""
+    """Weight (n,) of each joint's squared error: 1 as in eq. III.2, or 1 / variance of its torque."""
     return np.ones(motion.joints) if loss == "raw" else 1.0 / motion.torque_variance
 
 
 def learner(
     kind: Kind, data: TrainingData, loss: Loss, seeds: Sequence[int], parameters: LearningParameters
 ) -> Learner:
-    """Models of one kind at their start, one per seed."""
+    """Untrained models of one kind, one per seed."""
     weights, generators = loss_weights(loss, data.motion), [seeded(seed) for seed in seeds]
     if kind in STRUCTURES:
         regressor = data.regressor(kind != "nostr")
@@ -152,7 +152,7 @@ def learner(
 
 
 def shuffled_epochs(models: Learner, epochs: int) -> Iterator[int]:
-    """Shuffled epochs; the number of each, from 1, after it."""
+    """Train in shuffled epochs, and yield the number of each (from 1) after it."""
     generator = seeded(0)
     for epoch in range(1, epochs + 1):
         models.learn(torch.randperm(models.samples, generator=generator))
@@ -160,7 +160,7 @@ def shuffled_epochs(models: Learner, epochs: int) -> Iterator[int]:
 
 
 def learn_annealed(models: NetworkLearner, epochs: int) -> None:
-    """Shuffled epochs, in which the rate of Adam falls to zero along a cosine."""
+    """Train in shuffled epochs, with a learning rate that falls to zero along a cosine."""
     schedule = torch.optim.lr_scheduler.CosineAnnealingLR(models.optimiser, epochs)
     for _ in shuffled_epochs(models, epochs):
         schedule.step()
@@ -169,11 +169,11 @@ def learn_annealed(models: NetworkLearner, epochs: int) -> None:
 def learn_in_epochs(
     models: Learner, threshold: float, epochs: int, stride: int = 1, futility: int | None = None
 ) -> Learned:
-    """Shuffled epochs until every joint of every model is good enough (III.4.1.1).
+    """Train in shuffled epochs until every joint of every model is good enough (III.4.1.1).
 
-    A model stops after the first epoch with an NMSE of at most `threshold` on every joint, or with errors
-    whose fall over the last `futility` epochs shows that it cannot reach it (`_stopping`). Errors of networks
-    on every `stride`-th sample only trigger the check: a model stops for its error on all samples.
+    A model stops after the first epoch with an NMSE of at most `threshold` on every joint, or when the
+    progress of the last `futility` epochs shows that it cannot get there (`_stopping`). Networks are checked
+    on every `stride`-th sample first, and on all samples if that looks good enough.
     """
     errors = models.nmse(stride)
     history, kept = [errors], models.state()
@@ -201,9 +201,10 @@ def learn_in_epochs(
 
 
 def learn_online(models: Learner, stride: int = 1) -> np.ndarray:
-    """NMSE (E + 1, M, n), once through the motion in the order of time (III.4.1.2, figure III.2).
+    """Train online: one pass through the motion in the order of time (III.4.1.2, figure III.2).
 
-    One step per batch; errors of networks are on every `stride`-th sample.
+    Takes one step per batch. Returns the NMSE (E + 1, M, n) at the start and after each batch; networks are
+    evaluated on every `stride`-th sample.
     """
     history = [models.nmse(stride)]
     for batch in torch.arange(models.samples).split(models.batch):
@@ -219,14 +220,14 @@ def error_table(nmse: np.ndarray, step: str) -> pd.DataFrame:
 
 
 def _good(errors: np.ndarray, threshold: float) -> np.ndarray:
-    """(M,) whether every joint's error (M, n) is at most the threshold."""
+    """(M,) mask: every joint's error (M, n) is at most the threshold."""
     return np.all(errors <= threshold, axis=1)
 
 
 def _stopping(errors: np.ndarray, before: np.ndarray | None, ahead: float, threshold: float) -> np.ndarray:
-    """(M,) whether each joint's error (M, n) is good enough, or would not become so.
+    """(M,) mask: every joint's error (M, n) is good enough, or not expected to become so.
 
-    Errors are extrapolated: they fall as they did since `before` (M, n), for `ahead` times as long.
+    Errors are extrapolated: they keep falling as they did since `before` (M, n), for `ahead` times as long.
     """
     if before is None:
         return _good(errors, threshold)
@@ -237,11 +238,11 @@ def _stopping(errors: np.ndarray, before: np.ndarray | None, ahead: float, thres
 def _descend(
     models: tuple, moments: tuple, data: tuple, order: np.ndarray, batch: int, rates: tuple, steps: int
 ) -> None:
-    """Change the models by a step of Adam per batch of the order.
+    """Update the models by one Adam step per batch of the order.
 
-    `models`: structure and the arguments of `structure_theta` after it; `moments`: Adam's two, of the free
-    parameters of inertias, then of friction; `data`: columns, torques and weights of the joints; `rates`: of
-    learning, and decay of the second moment; `steps`: taken before.
+    `models`: structure, then the other arguments of `structure_theta`; `moments`: Adam's two moments of the
+    free parameters of inertias, then of friction; `data`: columns, torques and joint weights; `rates`:
+    learning rate and decay of the second moment; `steps`: steps taken before.
     """
     structure, free, rubbing, squared = models
     columns, torque, weights = data
@@ -255,7 +256,7 @@ def _descend(
         _adam_step(rubbing, rubbed, moments[1], rates, steps + step + 1)
 
 
-@numba.njit(cache=True, error_model="numpy")  # without a check of each divisor it becomes vectors
+@numba.njit(cache=True, error_model="numpy")  # no check for division by zero, so the loop vectorises
 def _adam_step(variable: np.ndarray, gradient: np.ndarray, moments: tuple, rates: tuple, count: int) -> None:
     """One step of Adam in place, by torch's rule; `count` is the number of this step, from 1."""
     rate, decay = rates
@@ -278,7 +279,7 @@ def _add_slopes(
     theta: np.ndarray,
     slope: np.ndarray,
 ) -> None:
-    """Add Y^T weights (Y theta - tau) of some samples, for every model.
+    """Add Y^T weights (Y theta - tau) of some samples to the gradient of every model.
 
     A joint's torque does not depend on links before it, nor on the friction of other joints.
     """
@@ -290,7 +291,7 @@ def _add_slopes(
             begin, rub = joint * width, links + joint * terms
             row, rubbed = columns[sample, joint, begin:links], columns[sample, joint, rub : rub + terms]
             for model in range(len(theta)):
-                # views, which the compiler turns into vector instructions
+                # views, so that the compiler vectorises
                 values, found = theta[model, begin:links], slope[model, begin:links]
                 rubbing, its = theta[model, rub : rub + terms], slope[model, rub : rub + terms]
                 error = -torque[sample, joint]

@@ -4,12 +4,12 @@ Each joint follows a periodic series (Swevers et al. 1997) that starts and ends 
 
     q(t) = q0 + sum_k (a_k sin(k w t) - b_k cos(k w t)) / (k w)        sum a_k = 0, sum k b_k = 0
 
-Torques are linear in what is to be identified, tau = Y theta + noise. With noise in proportion to each
-joint's torque limit, where the URDF has one, the information on theta is sum Y^T W Y. Its log-determinant is
-maximised: the volume of the confidence ellipsoid becomes as small as it can, whatever the parameters' units.
+Torques are linear in the parameters to identify, tau = Y theta + noise. With noise proportional to each
+joint's torque limit (if the URDF has one), the information on theta is sum Y^T W Y. Maximising its
+log-determinant minimises the volume of the confidence ellipsoid, independent of the parameters' units.
 
-A series is scaled into the limits of position and velocity before it is rated, so both hold for all free
-parameters; excessive torques are penalised, and a longer period removes what is left of them.
+A series is scaled into the limits of position and velocity before its evaluation, so these hold for any free
+parameters. Excessive torques are penalised, and what excess remains is removed by a longer period.
 """
 
 from collections.abc import Sequence
@@ -28,14 +28,14 @@ from structlearn.rigid_body.motion import Motion
 from structlearn.rigid_body.regressor import torque_regressor
 from structlearn.rigid_body.tree import KinematicTree, Robot
 
-SAMPLES_PER_WAVE = 20  # of the shortest wave, to scale and rate a series; peaks are missed by 1.2 % at most
-DIFFERENCE = 1e-6  # of free parameters, for forward differences
-TORQUE_COST = 100.0  # of a joint's squared relative excess over its torque limit
-STRETCH, STRETCHES = 1.02, 100  # factor by which the period grows until torques fit; how often at most
+SAMPLES_PER_WAVE = 20  # per period of the highest harmonic; peaks are underestimated by <= 1.2 %
+DIFFERENCE = 1e-6  # step of the free parameters for forward differences
+TORQUE_COST = 100.0  # weight of a joint's squared relative excess over its torque limit
+STRETCH, STRETCHES = 1.02, 100  # factor per step by which the period grows until torques fit; most steps
 
 
 class ExcitationParameters(Parameters):
-    """How a trajectory is designed. Fields: `stages/tasks/params.yaml`, `excite`."""
+    """Design of an excitation trajectory. Fields: `stages/tasks/params.yaml`, `excite`."""
 
     harmonics: int = Field(ge=2)
     period_s: float = Field(gt=0)
@@ -48,26 +48,26 @@ class ExcitationParameters(Parameters):
 
 @dataclass(frozen=True)
 class Arena:
-    """The arm, limits and parameters that a trajectory is designed for."""
+    """Design problem: the arm, its limits, and the parameters to identify."""
 
     tree: KinematicTree  # n joints
-    base: BaseParameters  # the r parameters to be identified, beside friction
-    theta: np.ndarray  # (r,) their values in the URDF, for the torques
-    effort: np.ndarray  # (n,) N m, limits of the torques; infinite where the URDF has none
-    friction: tuple[FrictionTerm, ...]  # terms that are identified too
+    base: BaseParameters  # the r parameters to identify, besides friction
+    theta: np.ndarray  # (r,) their values in the URDF, to predict torques
+    effort: np.ndarray  # (n,) N m, torque limits; infinite where the URDF has none
+    friction: tuple[FrictionTerm, ...]  # friction terms to identify
     harmonics: int  # K
     period_s: float
-    share: float  # of the limits that may be used
-    reach: float  # share of the range of positions that may be used, about its middle
+    share: float  # usable share of velocity and torque limits
+    reach: float  # usable share of the position range, about its middle
 
     @property
     def free(self) -> tuple[int, int]:
-        """Shape of free parameters: a_k, b_k, then where in the range and how large, of each joint."""
+        """Shape of the free parameters: per joint a_k, b_k, offset within the range, and amplitude."""
         return len(self.tree.names), 2 * self.harmonics + 2
 
 
 def arena(robot: Robot, parameters: ExcitationParameters, friction: Sequence[FrictionTerm] = ()) -> Arena:
-    """The design problem of a robot with the limits and inertias of its URDF."""
+    """Design problem of a robot, with limits and inertias of its URDF."""
     base, effort = base_parameters(robot.tree), robot.model.effortLimit
     return Arena(
         robot.tree,
@@ -83,13 +83,13 @@ def arena(robot: Robot, parameters: ExcitationParameters, friction: Sequence[Fri
 
 
 def series(its: Arena, free: np.ndarray, times: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Positions, velocities and accelerations (..., T, n) of free parameters (..., n, 2 K + 2).
+    """Positions, velocities and accelerations (..., T, n) for free parameters (..., n, 2 K + 2).
 
-    The series is within the limits of position and velocity whatever the free parameters are.
+    Every series is within the limits of position and velocity.
     """
     order = np.arange(1, its.harmonics + 1)
     a, b = free[..., : its.harmonics], free[..., its.harmonics : -2]
-    a = a - a.mean(axis=-1, keepdims=True)  # at rest at the start: no velocity, no acceleration
+    a = a - a.mean(axis=-1, keepdims=True)  # start at rest: zero velocity and acceleration
     b = b - (b * order).sum(axis=-1, keepdims=True) * order / (order**2).sum()
     place, size = 1.0 / (1.0 + np.exp(-free[..., -2])), 1.0 / (1.0 + np.exp(-free[..., -1]))
     waves = order * 2.0 * np.pi / its.period_s
@@ -111,12 +111,12 @@ def series(its: Arena, free: np.ndarray, times: np.ndarray) -> tuple[np.ndarray,
 
 
 def information(its: Arena, q: np.ndarray, qd: np.ndarray, qdd: np.ndarray) -> np.ndarray:
-    """Information (..., P, P) of states (..., T, n) on base parameters, then friction."""
+    """Information matrix (..., P, P) of states (..., T, n), for base parameters, then friction."""
     return _rated(its, q, qd, qdd)[0]
 
 
 def log_determinant(information: np.ndarray) -> np.ndarray:
-    """Log-determinant (...) of information (..., P, P), of columns of unit length; -inf if it is singular."""
+    """Log-determinant (...) of information (..., P, P), with columns prescaled; -inf if singular."""
     size = np.sqrt(np.diagonal(information, axis1=-2, axis2=-1))
     size = np.where(size > 0.0, size, 1.0)
     sign, value = np.linalg.slogdet(information / (size[..., :, None] * size[..., None, :]))
@@ -124,20 +124,20 @@ def log_determinant(information: np.ndarray) -> np.ndarray:
 
 
 def design(its: Arena, starts: int, iterations: int, seed: int) -> list[np.ndarray]:
-    """Free parameters of local optima from random starts, the one with the largest information first."""
+    """Free parameters of local optima from random starts, sorted from most to least informative."""
     found = parallel_map(partial(_improved, its, iterations), random_series(its, starts, seed), "excitation")
     return [free for _, free in sorted(found, key=lambda item: item[0])]
 
 
 def random_series(its: Arena, count: int, seed: int) -> np.ndarray:
-    """Free parameters (count, n, 2 K + 2) of random series that use all of their joints' limits."""
+    """Free parameters (count, n, 2 K + 2) of random series with full amplitude in every joint."""
     free = np.random.default_rng(seed).normal(size=(count, *its.free))
     free[..., -1] = 3.0
     return free
 
 
 def written(its: Arena, free: np.ndarray, rate_hz: float) -> tuple[np.ndarray, Motion]:
-    """Times (T,) s and the motion of one period, slowed down until the URDF's torques are within the limits.
+    """Times (T,) s and motion of one period, slowed down until the URDF's torques are within the limits.
 
     Raises InputError: torques exceed the limits however slowly the arm moves.
     """
@@ -152,9 +152,9 @@ def written(its: Arena, free: np.ndarray, rate_hz: float) -> tuple[np.ndarray, M
 
 
 def parameter_errors(its: Arena, motion: Motion, noise: np.ndarray, draws: int, seed: int) -> np.ndarray:
-    """Root mean square errors (P,) of base parameters, then friction, by least squares on noisy logs.
+    """RMS errors (P,) of base parameters, then friction, identified by least squares from noisy logs.
 
-    A log is the motion with normal noise (n,) N m on the torques; the errors do not depend on the truth.
+    Each log is the motion plus normal torque noise with std (n,) N m; the errors do not depend on the truth.
     """
     rows = _columns(its, motion.q, motion.qd, motion.qdd) / noise[:, None]
     rows = rows.reshape(-1, rows.shape[-1])
@@ -170,13 +170,13 @@ def _rated_times(its: Arena) -> np.ndarray:
 
 
 def _columns(its: Arena, q: np.ndarray, qd: np.ndarray, qdd: np.ndarray) -> np.ndarray:
-    """(N, n, P) of what is identified."""
+    """Regressor (N, n, P) of base parameters and friction."""
     columns = torque_regressor(its.tree, q, qd, qdd)[..., its.base.columns]
     return np.concatenate([columns, friction_regressor(q, qd, its.friction)], axis=-1)
 
 
 def _rated(its: Arena, q: np.ndarray, qd: np.ndarray, qdd: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Information (..., P, P), and torques (..., T, n) in N m of the URDF."""
+    """Information (..., P, P), and the URDF's torques (..., T, n) in N m."""
     columns = _columns(its, *(values.reshape(-1, q.shape[-1]) for values in (q, qd, qdd)))
     torque = (columns[..., : len(its.theta)] @ its.theta).reshape(q.shape)
     weights = np.where(np.isfinite(its.effort), 1.0 / its.effort, 1.0)
@@ -185,14 +185,14 @@ def _rated(its: Arena, q: np.ndarray, qd: np.ndarray, qdd: np.ndarray) -> tuple[
 
 
 def _costs(its: Arena, free: np.ndarray) -> np.ndarray:
-    """(B,) of free parameters (B, n, 2 K + 2): minus the mean log-determinant, and the excess of torques."""
+    """Cost (B,) of free parameters (B, n, 2 K + 2): minus mean log-determinant, plus torque excess."""
     known, torque = _rated(its, *series(its, free, _rated_times(its)))
     excess = np.maximum(np.abs(torque).max(axis=-2) / (its.share * its.effort) - 1.0, 0.0)
     return TORQUE_COST * (excess**2).sum(axis=-1) - log_determinant(known) / known.shape[-1]
 
 
 def _improved(its: Arena, iterations: int, start: np.ndarray) -> tuple[float, np.ndarray]:
-    """Cost and free parameters of the local optimum near a start, by L-BFGS with forward differences."""
+    """Cost and free parameters of a local optimum, by L-BFGS with forward differences from a start."""
     from scipy.optimize import minimize
 
     steps = DIFFERENCE * np.vstack([np.zeros(start.size), np.eye(start.size)])

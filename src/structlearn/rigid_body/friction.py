@@ -1,10 +1,10 @@
-"""Joint friction with free parameters: viscous, Coulomb, a constant offset, and stiffness.
+"""Joint friction as torques linear in viscous, Coulomb, offset and stiffness coefficients.
 
     tau_f = d qd + c tanh(qd / 0.02) + o + k q        d = s^2, c = s^2
 
-Viscous damping is chapter III.4.2's; Coulomb friction is what the dissertation names as future work;
-stiffness is that of cables along the joint, or of a torque sensor that feels the pose. The terms are linear
-in d, c, o and k, so friction goes beside the regressor of the links.
+Viscous damping is that of chapter III.4.2; Coulomb friction is what the dissertation names as future work;
+stiffness is that of cables along the joint, or of a torque sensor that is sensitive to the pose. Since the
+torques are linear in d, c, o and k, friction adds columns to the regressor of the links.
 """
 
 from collections.abc import Mapping, Sequence
@@ -19,8 +19,8 @@ FrictionTerm = Literal["viscous", "coulomb", "offset", "stiffness"]
 
 SIGNED: tuple[FrictionTerm, ...] = ("offset", "stiffness")  # terms whose coefficients may be negative
 
-INITIAL_FRICTION = 0.01  # N m s/rad or N m; not 0, where the gradient of a square is 0
-COULOMB_WIDTH = 0.02  # rad/s (m/s where a joint slides); below it the Coulomb term falls to zero, smoothly
+INITIAL_FRICTION = 0.01  # N m s/rad or N m; not 0, where a square has no gradient
+COULOMB_WIDTH = 0.02  # rad/s (m/s for sliding joints); below it the Coulomb term falls smoothly to zero
 
 
 FRICTIONS: Mapping[str, tuple[FrictionTerm, ...]] = {
@@ -35,7 +35,7 @@ dissertation names as future work; and a constant torque, for sensors that are n
 
 
 def friction_columns(q: np.ndarray, qd: np.ndarray, terms: Sequence[FrictionTerm]) -> np.ndarray:
-    """Torques (..., n, k) per unit of each coefficient, at q and qd (..., n)."""
+    """Torques (..., n, k) per unit of each friction coefficient, at q and qd (..., n)."""
     shapes = {
         "viscous": lambda: qd,
         "coulomb": lambda: np.tanh(qd / COULOMB_WIDTH),
@@ -49,7 +49,7 @@ def friction_columns(q: np.ndarray, qd: np.ndarray, terms: Sequence[FrictionTerm
 
 
 def friction_regressor(q: np.ndarray, qd: np.ndarray, terms: Sequence[FrictionTerm]) -> np.ndarray:
-    """Columns (B, n, n k) of friction beside those of the links in a regressor, of q and qd (B, n).
+    """Regressor columns (B, n, n k) of friction, at q and qd (B, n).
 
     Column j k + t is term t of joint j and is zero for all other joints.
     """
@@ -62,8 +62,8 @@ def friction_regressor(q: np.ndarray, qd: np.ndarray, terms: Sequence[FrictionTe
 
 
 def friction_coefficients(free: "Tensor", terms: Sequence[FrictionTerm]) -> "Tensor":
-    """Coefficients (..., n, k) of free parameters (..., n, k): squares, but of `SIGNED` terms."""
-    import torch  # two seconds, which only those who learn need
+    """Coefficients (..., n, k) of free parameters (..., n, k): their squares, except for `SIGNED` terms."""
+    import torch  # takes two seconds, and is only needed for learning
 
     parts = [
         column if term in SIGNED else column.square()
@@ -73,10 +73,10 @@ def friction_coefficients(free: "Tensor", terms: Sequence[FrictionTerm]) -> "Ten
 
 
 def initial_friction(models: int, joints: int, terms: Sequence[FrictionTerm]) -> np.ndarray:
-    """Free parameters (M, n, t) of friction at the start, 0 for `SIGNED` terms."""
+    """Initial free parameters (M, n, t) of friction; 0 for `SIGNED` terms."""
     return np.tile(np.where(squared(terms), INITIAL_FRICTION**0.5, 0.0), (models, joints, 1))
 
 
 def squared(terms: Sequence[FrictionTerm]) -> np.ndarray:
-    """(t,) whether the coefficient of a term is the square of its free parameter."""
+    """(t,) mask: the coefficient of the term is the square of its free parameter."""
     return np.array([term not in SIGNED for term in terms], dtype=bool)

@@ -1,12 +1,13 @@
 """Identification of an arm from a log: least squares, and the best physically consistent model.
 
-Torques are linear in theta, so the unconstrained optimum is one least-squares problem. A physically
-consistent structure (tri, cov) is fitted to the same data and loss by L-BFGS on its free parameters; the loss
-is a quadratic form of theta (`regressor.torque_factors`), so that an iteration does not touch the data.
+Torques are linear in theta, so the unconstrained optimum is a single least-squares problem. A physically
+consistent structure (tri, cov) is fitted to the same data and loss by L-BFGS on its free parameters. The loss
+is a quadratic form in theta (`regressor.torque_factors`), so the cost of an iteration does not depend on the
+number of samples.
 
-A planar arm without a URDF is identified with its kinematics. Torques are linear in the inertial parameters
-once it is known where each joint is on the link before it, so only these places are searched for, and least
-squares give the rest (variable projection). Gravity is known, so lengths are in metres.
+A planar arm without a URDF is identified together with its kinematics. For given positions of the joints on
+their parent links, torques are linear in the inertial parameters; so only these positions are searched, and
+least squares give the rest (variable projection). Gravity is known, which makes lengths come out in metres.
 """
 
 from collections.abc import Sequence
@@ -37,19 +38,19 @@ from structlearn.rigid_body.regressor import (
 from structlearn.rigid_body.tree import KinematicTree, LinkInertias
 
 SINGULAR = 1e-8
-"""Directions of theta that the data excite by less than this share of the strongest are left at zero."""
+"""Directions of theta with a singular value below this share of the largest are set to zero."""
 
-GRAVITY = 9.81  # m/s^2, of planar arms, against y
+GRAVITY = 9.81  # m/s^2, of planar arms, along -y
 
 ANCHOR = 1e-6
-"""Weight of the squared change of theta, relative to all of it, against the sum of the joints' NMSEs."""
+"""Weight of the relative squared change of theta, against the sum of the joints' NMSEs."""
 
 
 def normalised_triangle(factors: TorqueFactors, limits: np.ndarray | None = None) -> np.ndarray:
-    """One triangular factor (P + 1, P + 1) of all joints: |triangle (theta, -1)|^2 is their NMSEs' sum.
+    """Triangular factor (P + 1, P + 1) of all joints: |triangle (theta, -1)|^2 is the sum of their NMSEs.
 
-    With `limits` (n,) N m of the joints' torques, errors are shares of these instead, and all torques
-    together weigh as much as before.
+    With `limits` (n,) N m, errors are instead relative to the joints' torque limits, scaled so that the total
+    weight of the torques is unchanged.
     """
     squares = factors.variance
     if limits is not None:
@@ -59,7 +60,7 @@ def normalised_triangle(factors: TorqueFactors, limits: np.ndarray | None = None
 
 
 def least_squares(triangle: np.ndarray) -> np.ndarray:
-    """Unconstrained optimum (P,) of the sum of the joints' NMSEs; the smallest where it is not unique."""
+    """Unconstrained minimiser (P,) of the sum of the joints' NMSEs; the smallest if not unique."""
     theta, *_ = np.linalg.lstsq(triangle[:, :-1], triangle[:, -1], rcond=SINGULAR)
     return theta
 
@@ -74,19 +75,19 @@ def fit_structure(
     rubbing: np.ndarray | None = None,
     prior: float = 0.0,
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Fit a structure's free parameters to the same loss as `least_squares`, by L-BFGS.
+    """Fit a structure's free parameters to the loss of `least_squares`, by L-BFGS.
 
-    A weak pull towards known inertias decides what the data leave open; with a prior, `prior` times the mean
-    of the links' `divergence` from them is added to the loss.
+    A weak pull towards known inertias decides what the data leave undetermined. With a prior, `prior` times
+    the links' mean `divergence` from the known inertias is added to the loss.
 
     Args:
-        structure: of the inertias.
-        triangle: of the data; columns of the links (full ones for nostr), then of friction.
-        friction: its terms.
-        start: inertias (n,) to start from.
-        iterations: at most.
+        structure: parameterisation of the inertias.
+        triangle: factor of the data; columns of the links (full ones for nostr), then of friction.
+        friction: the friction terms.
+        start: initial inertias (n,).
+        iterations: maximum number.
         known: target of the pull; None: the start.
-        rubbing: (1, n, t) free parameters of friction to start from; None: small ones.
+        rubbing: (1, n, t) initial free parameters of friction; None: small ones.
         prior: weight; 0 for structures whose inertias need not be physically consistent.
 
     Returns:
@@ -130,9 +131,9 @@ def divergence(theta: np.ndarray, known: np.ndarray) -> tuple[np.ndarray, np.nda
 
         D = tr(P0^-1 P) - log det(P0^-1 P) - 4        P = [[tr(I)/2 1 - I, h], [h^T, m]]
 
-    It is convex in theta, does not depend on frames or units, and grows without bound towards inertias that
-    no body has. Both theta (10 n,) are of physically consistent links. Returns (n,) of the links, and the
-    slope (10 n,) of their sum.
+    It is convex in theta, independent of frames and units, and unbounded at the boundary of physically
+    consistent inertias. Both theta (10 n,) must be physically consistent. Returns (n,) per link, and the
+    gradient (10 n,) of the sum.
     """
     found, reference = (
         its.reshape(-1, SYMMETRIC_COLUMNS) @ PSEUDO.reshape(SYMMETRIC_COLUMNS, 16) for its in (theta, known)
@@ -145,7 +146,7 @@ def divergence(theta: np.ndarray, known: np.ndarray) -> tuple[np.ndarray, np.nda
 
 
 def _pseudo_columns() -> np.ndarray:
-    """(10, 4, 4): derivative of the pseudo-inertia by each parameter of a link."""
+    """(10, 4, 4) derivative of the pseudo-inertia by each parameter of a link."""
     columns = np.zeros((SYMMETRIC_COLUMNS, 4, 4))
     columns[0, 3, 3] = 1.0
     for axis in range(3):
@@ -170,12 +171,12 @@ def drawn_fits(
     draws: int,
     seed: int,
 ) -> DynamicsModels:
-    """Fits of a structure to blocks of `length` samples, drawn with replacement: `draws` models.
+    """Bootstrap of a structure's fit: `draws` models, each fitted to resampled blocks of `length` samples.
 
-    Each starts from `model`, the fit to the whole motion, of a structure other than nostr; `known` is the
-    target of the weak pull.
+    Each fit starts from `model`, the fit to the whole motion (not nostr); `known` is the target of the weak
+    pull.
     """
-    whole = regressor.factors  # whose number of samples and variances weight every block
+    whole = regressor.factors  # its number of samples and variances weight every block
     pieces = zip(blocks(regressor.columns, length), blocks(regressor.torque, length), strict=True)
     triangles = np.array(
         [normalised_triangle(replace(whole, factors=torque_factors(*piece).factors)) for piece in pieces]
@@ -199,7 +200,7 @@ def drawn_fits(
 
 
 def planar_tree(places: np.ndarray) -> KinematicTree:
-    """Kinematics of n joints about z; `places` (n - 1, 2) m: x and y of joints 2 to n on the link before."""
+    """Kinematics of n joints about z; `places` (n - 1, 2) m: x and y of joints 2 to n on the parent link."""
     n = len(places) + 1
     translation = np.zeros((n, 3))
     translation[1:, :2] = places
@@ -219,7 +220,7 @@ def planar_tree(places: np.ndarray) -> KinematicTree:
 
 
 def fit_planar_arm(motion: Motion, iterations: int) -> tuple[KinematicTree, DynamicsModels]:
-    """Places of the joints by least squares, then physically consistent inertias (cov) by L-BFGS.
+    """Identify a planar arm: joint positions by least squares, then consistent inertias (cov) by L-BFGS.
 
     Both start from links of 1 m and 1 kg; errors are weighted as in `normalised_triangle`.
     """

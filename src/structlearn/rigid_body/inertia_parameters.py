@@ -6,19 +6,19 @@
     tri    m = s^2 + b, h, I = R J R^T, J from the sides of a triangle          (eq. III.7, III.8, III.12)
     cov    m = s^2 + b, h, I = tr(Sigma) 1 - Sigma, Sigma = L L^T + b 1         (eq. III.13 to III.16)
 
-I is the rotational inertia about the centre of mass. Free parameters are real numbers without bounds, so
-gradient descent needs no constraint. Every value of tri and cov is physically consistent: positive mass,
-positive definite inertia, no principal moment above the sum of the other two.
+I is the rotational inertia about the centre of mass. Free parameters are unbounded real numbers, so gradient
+descent needs no constraints. Every value of tri and cov is physically consistent: positive mass, positive
+definite inertia, no principal moment above the sum of the other two.
 
-`link_inertias` is differentiable. Compiled are `structure_theta`, parameters of the regressor's columns, and
-`structure_gradient`, the way back of a slope in closed form. With G the slope against the inertia, as
+`link_inertias` is differentiable by torch. `structure_theta` (parameters of the regressor's columns) and
+`structure_gradient` (its reverse pass, in closed form) are compiled. With G the gradient by the inertia, as a
 symmetric matrix,
 
     I = L L^T + b 1          dL = 2 G L                                           (spd; cov with tr(G) 1 - G)
     I = R J R^T              dJ = diag(R^T G R)     dv = Jl(v)^T vee(2 G I)       (tri)
 
-where R = exp(v) and Jl is the left Jacobian of the rotation group. Symmetric matrices are tuples
-(xx, xy, xz, yy, yz, zz) there.
+where R = exp(v) and Jl is the left Jacobian of the rotation group. In compiled code, symmetric matrices are
+tuples (xx, xy, xz, yy, yz, zz).
 """
 
 import math
@@ -35,27 +35,27 @@ Structure = Literal["nostr", "symm", "spd", "tri", "cov"]
 STRUCTURES: tuple[Structure, ...] = get_args(Structure)
 
 MASS_BIAS_KG = 0.01
-INERTIA_BIAS = 1e-6  # kg m^2, a tenth of what a 10 g link of 10 cm has
+INERTIA_BIAS = 1e-6  # kg m^2, a tenth of the inertia of a 10 g link of 10 cm
 ROUNDING_MARGIN = 1e-12
-"""Share of its trace that is added to an inertia's diagonal, so that what holds for real numbers survives
-rounding when the principal moments are of very different size."""
+"""Share of its trace that is added to an inertia's diagonal, so that physical consistency survives rounding
+when the principal moments differ by orders of magnitude."""
 
 INITIAL_MASS, INITIAL_FIRST_MOMENT, INITIAL_INERTIA = 1.0, 0.1, 0.01
-"""Standard deviations of the free parameters at the start, as in public code of the dissertation's group."""
+"""Standard deviations of the initial free parameters, as in public code of the dissertation's group."""
 
-FLAT_SIGMOID = 30.0  # beyond, the sigmoid of tri's angle is 0 or 1 to 1e-13
+FLAT_SIGMOID = 30.0  # beyond, the sigmoid of tri's angle is 0 or 1 to within 1e-13
 _FROM_BOUND, _FLATTEST = 1e-6, 0.999
-"""Known inertias start at least so far inside the bounds (share of their size; tri's angle in pi), since the
-gradient vanishes at a bound itself. The inertia is changed by some 1e-6 of itself."""
+"""Least distance of known inertias from the bounds (relative to their size; tri's angle as a share of pi),
+since the gradient vanishes at a bound. This changes an inertia by about 1e-6 of its size."""
 
 
 def parameter_count(structure: Structure) -> int:
-    """Free parameters of one link: 13 for nostr, 10 for the others."""
+    """Number of free parameters per link: 13 for nostr, 10 for the others."""
     return 13 if structure == "nostr" else 10
 
 
 def draw(structure: Structure, links: int, generators: list[torch.Generator]) -> Tensor:
-    """Initial free parameters (M, links, k) of M models, one generator each: float64, normal, zero mean."""
+    """Initial free parameters (M, links, k) of M models, one generator each: float64, zero-mean normal."""
     deviations = torch.full((parameter_count(structure),), INITIAL_INERTIA, dtype=torch.float64)
     deviations[0] = INITIAL_MASS
     deviations[1:4] = INITIAL_FIRST_MOMENT
@@ -65,9 +65,9 @@ def draw(structure: Structure, links: int, generators: list[torch.Generator]) ->
 
 
 def link_inertias(structure: Structure, free: Tensor) -> LinkInertias[Tensor]:
-    """Inertial parameters of free parameters (..., n, k); differentiable.
+    """Inertial parameters for free parameters (..., n, k), differentiable.
 
-    They must be finite float64: the guarantees of spd, tri and cov are lost in single precision.
+    `free` must be finite float64: the guarantees of spd, tri and cov do not hold in single precision.
     """
     scalar, first_moment, rotational = free[..., 0], free[..., 1:4], free[..., 4:]
     mass = scalar if structure == "nostr" else scalar.square() + MASS_BIAS_KG
@@ -75,10 +75,10 @@ def link_inertias(structure: Structure, free: Tensor) -> LinkInertias[Tensor]:
 
 
 def free_parameters(structure: Structure, inertias: LinkInertias) -> Tensor:
-    """Free parameters (..., n, k) of given inertias, mass (..., n), to start a training there.
+    """Free parameters (..., n, k) that express given inertias, mass (..., n), e.g. to start training there.
 
-    Inertias that a structure cannot express (a link lighter than the bias, or for tri and cov a tensor that
-    no body has, as in some URDFs) are replaced by near ones: eigenvalues are moved inside the bounds.
+    Inertias that a structure cannot express (a link lighter than the bias; for tri and cov, an inconsistent
+    tensor, as in some URDFs) are replaced by nearby ones: eigenvalues are moved inside the bounds.
     """
     known = inertias.arrays()
     scalar = known.mass
@@ -93,7 +93,7 @@ def _triangular(free: Tensor) -> Tensor:
     rotation = _exponential(free[..., :3])
     first, second = (free[..., 3:5].square() + INERTIA_BIAS).unbind(-1)
     half_angle = 0.5 * torch.pi * torch.sigmoid(free[..., 5].clamp(-FLAT_SIGMOID, FLAT_SIGMOID))
-    # the law of cosines without the difference of large squares: J3^2 = (J1 - J2)^2 + 4 J1 J2 sin^2(a / 2)
+    # law of cosines without differences of large squares: J3^2 = (J1 - J2)^2 + 4 J1 J2 sin^2(a / 2)
     third = torch.hypot(first - second, 2.0 * (first.sqrt() * second.sqrt()) * half_angle.sin())
     moments = torch.stack([first, second, third], dim=-1)
     inertia = rotation * moments[..., None, :] @ rotation.mT
@@ -107,7 +107,7 @@ def _covariance(free: Tensor) -> Tensor:
 
 
 _SYMMETRIC_ENTRIES = (0, 1, 2, 1, 3, 4, 2, 4, 5)
-"""Of xx, xy, xz, yy, yz, zz in a 3 x 3 matrix row by row."""
+"""Index among xx, xy, xz, yy, yz, zz of each entry of a 3 x 3 matrix, row by row."""
 
 _INERTIAS = {
     "nostr": lambda free: free.unflatten(-1, (3, 3)),
@@ -127,7 +127,7 @@ def _biased_product(free: Tensor) -> Tensor:
 
 
 def _exponential(vector: Tensor) -> Tensor:
-    """Rotation matrices (..., 3, 3) of rotation vectors (..., 3), with gradients also at zero."""
+    """Rotation matrices (..., 3, 3) of rotation vectors (..., 3), differentiable at zero."""
     angle = (vector.square().sum(-1) + 1e-30).sqrt()[..., None, None]
     x, y, z = vector.unbind(-1)
     zero = torch.zeros_like(x)
@@ -150,7 +150,7 @@ def _symmetric(inertia: np.ndarray) -> np.ndarray:
 
 
 def _free_positive_definite(inertia: np.ndarray) -> np.ndarray:
-    """Cholesky factor of I - b 1, or of the nearest matrix that has one."""
+    """Cholesky factor of I - b 1, or of the nearest positive definite matrix."""
     values, vectors = np.linalg.eigh(_symmetric(inertia))
     values = np.maximum(values - INERTIA_BIAS, _FROM_BOUND * np.abs(values).max(axis=-1, keepdims=True))
     lower = np.linalg.cholesky((vectors * values[..., None, :]) @ np.swapaxes(vectors, -1, -2))
@@ -169,7 +169,7 @@ def _free_triangular(inertia: np.ndarray) -> np.ndarray:
     rotation = rotation * np.sign(np.linalg.det(rotation))[..., None, None]
     moments = np.maximum(moments, 2.0 * INERTIA_BIAS)
     first, second, third = np.moveaxis(moments, -1, 0)  # ascending
-    # tan^2 of half the angle between two sides, without differences of squares
+    # tan^2 of half the angle between the two sides, without differences of squares
     opposite = (third - first + second) * (third + first - second)
     adjacent = np.maximum(first + second - third, 0.0) * (first + second + third)
     angle = 2.0 * np.arctan2(np.sqrt(opposite), np.sqrt(adjacent))
@@ -189,15 +189,15 @@ _FREE = {
 
 
 NOSTR, SYMM, SPD, TRI, COV = range(len(STRUCTURES))
-"""Places of the structures in `STRUCTURES`, by which compiled code knows them."""
+"""Indices in `STRUCTURES`, by which compiled code selects a structure."""
 
 
 @numba.njit(cache=True)
 def structure_theta(structure: int, free: np.ndarray, rubbing: np.ndarray, squared: np.ndarray) -> np.ndarray:
-    """Parameters of the regressor's columns: (M, 10 n + t n), of nostr (M, 13 n + t n).
+    """Parameters theta of the regressor's columns: (M, 10 n + t n), for nostr (M, 13 n + t n).
 
-    Of free parameters (M, n, k) of the inertias and (M, n, t) of friction; `structure` is its place in
-    `STRUCTURES`, `squared` (t,) whether a coefficient of friction is the square of its free parameter.
+    `structure` is an index in `STRUCTURES`; `free` (M, n, k) and `rubbing` (M, n, t) are free parameters of
+    inertias and friction; `squared` (t,) marks friction terms that are squares of their free parameter.
     """
     models, links, width = free.shape
     terms = len(squared)
@@ -216,7 +216,7 @@ def structure_theta(structure: int, free: np.ndarray, rubbing: np.ndarray, squar
 def structure_gradient(
     structure: int, free: np.ndarray, rubbing: np.ndarray, squared: np.ndarray, slope: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Gradients (M, n, k) and (M, n, t) of a loss with slopes (M, P) against `structure_theta`."""
+    """Gradients (M, n, k) and (M, n, t) by `free` and `rubbing`, from the gradient (M, P) by theta."""
     models, links, width = free.shape
     terms = len(squared)
     inertial, rubbed = np.empty_like(free), np.empty_like(rubbing)
@@ -234,7 +234,7 @@ def structure_gradient(
 
 @numba.njit(cache=True)
 def _link_theta(structure: int, free: np.ndarray, theta: np.ndarray) -> None:
-    """Mass, first moment, and inertia about the joint's origin: I + (|h|^2 1 - h h^T) / m."""
+    """Mass, first moment, and inertia about the joint origin: I + (|h|^2 1 - h h^T) / m."""
     mass = free[0] if structure == NOSTR else free[0] * free[0] + MASS_BIAS_KG
     x, y, z = free[1], free[2], free[3]
     theta[0], theta[1:4] = mass, free[1:4]
@@ -270,7 +270,7 @@ def _link_gradient(structure: int, free: np.ndarray, slope: np.ndarray, gradient
         return
     margin = ROUNDING_MARGIN * trace
     xx, yy, zz = xx + margin, yy + margin, zz + margin
-    if structure == COV:  # of tr(S) 1 - S against S
+    if structure == COV:  # gradient of tr(S) 1 - S by S
         trace = xx + yy + zz
         xx, xy, xz, yy, yz, zz = trace - xx, -xy, -xz, trace - yy, -yz, trace - zz
     if structure == TRI:
@@ -319,7 +319,7 @@ def _triangle_gradient(free: np.ndarray, slope: tuple, gradient: np.ndarray) -> 
     gradient[5] = slope3 * turning if inside else 0.0
 
     inertia = _sandwiched(first, second, third, j1, j2, j3)
-    # vee(2 G I): columns of I times those of G, as vectors
+    # vee(2 G I): cross products of the columns of I and G
     ixx, ixy, ixz, iyy, iyz, izz = inertia
     gxx, gxy, gxz, gyy, gyz, gzz = slope
     a = cross((ixx, ixy, ixz), (gxx, gxy, gxz))
@@ -337,7 +337,7 @@ def _triangle_gradient(free: np.ndarray, slope: tuple, gradient: np.ndarray) -> 
 
 @numba.njit(cache=True, inline="always")
 def _angle(vector: tuple) -> tuple:
-    """Size a of a rotation vector, sin(a) / a and (1 - cos(a)) / a^2; also at zero."""
+    """Angle a of a rotation vector, sin(a) / a and (1 - cos(a)) / a^2; valid at zero."""
     size = math.sqrt(_dot(vector, vector) + 1e-30)
     half = math.sin(0.5 * size) / size
     return size, math.sin(size) / size, 2.0 * half * half
@@ -356,7 +356,7 @@ def _columns(free: np.ndarray) -> tuple:
 
 @numba.njit(cache=True)
 def _moments(free: np.ndarray) -> tuple:
-    """Principal moments (eq. III.9 to III.11), and the sine and size of half the triangle's angle."""
+    """Principal moments (eq. III.9 to III.11), and sine and value of half the triangle's angle."""
     first, second = free[3] * free[3] + INERTIA_BIAS, free[4] * free[4] + INERTIA_BIAS
     share = 1.0 / (1.0 + math.exp(-min(max(free[5], -FLAT_SIGMOID), FLAT_SIGMOID)))
     angle = 0.5 * math.pi * share
@@ -367,7 +367,7 @@ def _moments(free: np.ndarray) -> tuple:
 
 @numba.njit(cache=True, inline="always")
 def _sandwiched(a: tuple, b: tuple, c: tuple, j1: float, j2: float, j3: float) -> tuple:
-    """R J R^T of the columns a, b, c of R."""
+    """R J R^T for a rotation R with columns a, b, c."""
     return (
         j1 * a[0] * a[0] + j2 * b[0] * b[0] + j3 * c[0] * c[0],
         j1 * a[0] * a[1] + j2 * b[0] * b[1] + j3 * c[0] * c[1],

@@ -1,13 +1,13 @@
-"""What a log tells before a model learns from it: gains and delays of its drives, and whether it is fit.
+"""Whether a log is fit for learning dynamics, and the gains and delays of its drives.
 
     tau = k i(t + d)        k: gain in N m/A, d: delay of the measured current in s
 
-At rest the controller commands a current for the torque of its model, so k is their ratio. In motion the
-current covers friction as well, which a smooth function of the velocity accounts for.
+At rest the controller commands the current for its model's torque, so k is their ratio. In motion the current
+also overcomes friction, which is modelled as a smooth function of the velocity.
 
-A log can be sampled too slowly, have gaps, hold torques that lag the positions, run into torque limits, or
-move too little; then some parameters are not determined, whatever the model. How well each combination of
-inertias is determined follows from least squares with intervals from blocks (`base_parameters.fit_base`).
+A log can be sampled too slowly, have gaps, contain torques that lag the positions, reach torque limits, or
+move too little; then some parameters are not identifiable by any model. How well each base parameter is
+determined follows from least squares with block-bootstrap intervals (`base_parameters.fit_base`).
 """
 
 from collections.abc import Sequence
@@ -23,19 +23,19 @@ from structlearn.rigid_body.motion import Motion
 from structlearn.rigid_body.regressor import torque_regressor
 from structlearn.rigid_body.tree import KinematicTree, Robot
 
-LEAST_CURRENT_A = 0.01  # below it a joint shows no gain: the axis is vertical, or nothing hangs on it
-TURNING_RAD_S = 0.02  # below it the sign of the velocity, and with it of the friction, is not certain
-STRIBECK_RAD_S = 0.1  # where friction falls from its value at rest
-INDEPENDENT = 1e-7  # directions of a regressor with less than this share of the strongest are rounding
+LEAST_CURRENT_A = 0.01  # below it the gain cannot be measured: the axis is vertical, or carries nothing
+TURNING_RAD_S = 0.02  # below it the sign of the velocity, and so of the friction, is uncertain
+STRIBECK_RAD_S = 0.1  # velocity at which static friction has decayed
+INDEPENDENT = 1e-7  # singular values of a regressor below this share of the largest are rounding errors
 
 YES, DOUBTFUL, NO = "yes", "doubtful", "no"
 
 LARGEST_DELAY_S, DELAY_STEP_S = 0.04, 0.0025
-"""Delays of the torque that are tried, in whole samples: values between samples would have less noise."""
+"""Largest delay and step of the grid of torque delays, in whole samples: interpolation would reduce noise."""
 
-MOST_SAMPLES = 20_000  # of a motion whose delays are estimated; more would not change them
-SATURATED = 0.99  # share of its limit from which a torque may be cut off
-STILL_RAD = 0.1  # range in which a joint hardly moves
+MOST_SAMPLES = 20_000  # used to estimate delays; more would not change the result
+SATURATED = 0.99  # share of the limit above which a torque counts as saturated
+STILL_RAD = 0.1  # range below which a joint counts as not moving
 
 DELAY = "delay of the torque (% of its std)"
 BOUNDS = {
@@ -47,11 +47,12 @@ BOUNDS = {
     "condition number": (100.0, 1000.0),
     "parameters not determined (%)": (75.0, 90.0),
 }
-"""By question: where the answer becomes doubtful, and where it becomes no. Many inertias of an arm are so
+"""Per question: the bounds at which the answer becomes doubtful, and no. Many inertias of an arm are so
 small that no log determines them."""
 
 DETERMINED_PERCENT, KNOWN_PERCENT = 100.0, 10.0
-"""Half width of an interval, of the parameter's size: beyond, its sign is open; below, it is well known."""
+"""Half width of an interval in % of the parameter: above the first, even its sign is undetermined; below the
+second, it is well determined."""
 
 
 def log_fitness(
@@ -62,10 +63,10 @@ def log_fitness(
     fit: BaseFit,
     friction: Sequence[FrictionTerm],
 ) -> pd.DataFrame:
-    """Answers for the logs of a motion: `question`, `joint` (from 1; 0: all), `value`, `verdict`.
+    """Fitness of a motion's logs for learning: `question`, `joint` (from 1; 0: all), `value`, `verdict`.
 
-    Stamps (T,) s of each log are as recorded; the motion is on the clock and filtered, `clock_hz` the rate of
-    the clock and the cut-off of the filter, `fit` the base parameters of this motion, with `friction`.
+    `stamps` (T,) s are those recorded in each log; `motion` is resampled and filtered; `clock_hz` is the
+    sampling rate and the filter's cut-off; `fit` holds the motion's base parameters, fitted with `friction`.
     """
     rate_hz, cutoff_hz = clock_hz
     cutoff_hz = min(cutoff_hz, 0.5 * rate_hz)
@@ -93,7 +94,7 @@ def log_fitness(
 
 
 def fitness_lines(table: pd.DataFrame) -> list[str]:
-    """Answers as text, a line per question: the worst verdict, then the values of all joints."""
+    """Text, one line per question: the worst verdict, then the values of all joints."""
     lines = []
     for question, its in table.groupby("question", sort=False):
         worst = max(its["verdict"], key=[YES, DOUBTFUL, NO].index)
@@ -106,14 +107,14 @@ def torque_delays(
 ) -> tuple[np.ndarray, np.ndarray]:
     """Delay (n,) s of each joint's torque against the motion, and its effect in % of the torque's std.
 
-    The effect is the delay times the root mean square of the torque's rate.
+    The effect is the delay times the RMS of the torque's time derivative.
     """
     step = max(1, round(DELAY_STEP_S * rate_hz))
     count = max(1, round(LARGEST_DELAY_S * rate_hz / step))
     shifts = step * np.arange(-count, count + 1)
     kept = np.arange(shifts[-1], len(motion) - shifts[-1], max(1, len(motion) // MOST_SAMPLES))
     torques = np.array([motion.torque[kept + shift] for shift in shifts])
-    states, blocks = motion.part(kept), (max(1, len(kept) // 20), 2, 0)  # their intervals are not used
+    states, blocks = motion.part(kept), (max(1, len(kept) // 20), 2, 0)  # no intervals are needed
     delay, _, _ = current_delays(robot.tree, states, torques, shifts / rate_hz, friction, *blocks)
     rate = signals.derivative(motion.torque, 1.0 / rate_hz)
     return delay, 100.0 * np.abs(delay) * np.sqrt((rate**2).mean(axis=0)) / motion.torque.std(axis=0)
@@ -125,7 +126,7 @@ def parameter_percent(fit: BaseFit) -> np.ndarray:
 
 
 def parameter_table(names: Sequence[str], fit: BaseFit) -> pd.DataFrame:
-    """`parameter` (its formula), `percent` of `parameter_percent`, and `determined`, best known first."""
+    """Base parameters from best to worst determined: `parameter` (formula), `percent`, `determined`."""
     percent = parameter_percent(fit)
     verdicts = [_verdict(value, KNOWN_PERCENT, DETERMINED_PERCENT) for value in percent]
     table = pd.DataFrame({"parameter": names, "percent": percent, "determined": verdicts})
@@ -133,7 +134,7 @@ def parameter_table(names: Sequence[str], fit: BaseFit) -> pd.DataFrame:
 
 
 def _verdict(value: float, doubtful: float, wrong: float) -> str:
-    """Verdict on a value; small values are wrong where `wrong` is below `doubtful`."""
+    """Verdict on a value; if `wrong` is below `doubtful`, small values are the bad ones."""
     if wrong < doubtful:
         value, doubtful, wrong = -value, -doubtful, -wrong
     return YES if value <= doubtful else DOUBTFUL if value <= wrong else NO
@@ -142,10 +143,10 @@ def _verdict(value: float, doubtful: float, wrong: float) -> str:
 def resting_gains(
     current: np.ndarray, torque: np.ndarray, length: int, draws: int, seed: int
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Gains of drives that hold an arm at rest: torque over current, by least squares through zero.
+    """Drive gains from an arm at rest: torque over current, by least squares through zero.
 
-    Currents (N, n) A are those the controller commands, torques (N, n) N m those of its model. The bootstrap
-    draws blocks of `length` samples. Returns (n,) N m/A and (draws, n); NaN where no current flows.
+    `current` (N, n) A is as commanded, `torque` (N, n) N m that of the controller's model. The bootstrap
+    resamples blocks of `length` samples. Returns (n,) N m/A and (draws, n); NaN where no current flows.
     """
     products = block_sums(np.stack([current * torque, current**2], axis=1), length)  # (B, 2, n)
     counts = drawn_counts(len(products), draws, seed)
@@ -161,19 +162,19 @@ def resting_gains(
 def moving_gains(
     current: np.ndarray, torque: np.ndarray, velocity: np.ndarray, length: int, draws: int, seed: int
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Gains of drives that move an arm at (N, n) rad/s, beside friction as a smooth function of the velocity.
+    """Drive gains from a moving arm, `velocity` (N, n) rad/s; friction is a smooth function of the velocity.
 
     Otherwise as `resting_gains`; torques are those of the links.
     """
     drawn_blocks = drawn_counts(block_count(len(current), length), draws, seed)
-    counts = np.vstack([np.ones_like(drawn_blocks[:1]), drawn_blocks])  # the first is the whole
+    counts = np.vstack([np.ones_like(drawn_blocks[:1]), drawn_blocks])  # first row: all blocks once
     gains, drawn = [], []
     for its_current, its_torque, speed in zip(current.T, torque.T, velocity.T, strict=True):
         sign, turning = np.sign(speed), np.abs(speed) > TURNING_RAD_S
         columns = [its_torque, speed, speed * np.abs(speed), speed**3, sign]
         columns += [sign * np.exp(-np.abs(speed) / STRIBECK_RAD_S), its_current]
         rows = np.stack(columns, axis=1) * turning[:, None]
-        size = np.sqrt((rows**2).sum(axis=0))  # columns of one size keep the digits of normal equations
+        size = np.sqrt((rows**2).sum(axis=0))  # equal column norms keep the normal equations accurate
         products = block_sums(np.einsum("np,nq->npq", rows / size, rows / size), length)
         sums = np.tensordot(counts, products, 1)
         found = np.linalg.solve(sums[:, :-1, :-1], sums[:, :-1, -1:])[:, 0, 0] * size[-1] / size[0]
@@ -192,15 +193,15 @@ def current_delays(
     draws: int,
     seed: int,
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Delays of measured currents against the motion they drive, each joint for itself.
+    """Delay of each joint's measured current against the motion it drives.
 
-    Every joint is fitted with its own parameters by least squares at every delay (K,) s of an even grid, to
-    torques (K, N, n) of the currents shifted back by it. The delay is where the squares are least, between
-    grid points by the parabola through three of them. The bootstrap draws blocks of `length` squares with the
-    parameters held. The torques of `states` are not used.
+    At every delay (K,) s of a uniform grid, each joint is fitted with its own parameters by least squares to
+    the torques (K, N, n) of the currents shifted back by that delay. The delay minimises the squared error,
+    interpolated by a parabola through three grid points. The bootstrap resamples blocks of `length` squared
+    errors with fixed parameters. The torques of `states` are not used.
 
     Returns:
-        Delays (n,) and (draws, n) in s, and the squares (K, n) over those of the least.
+        Delays (n,) and (draws, n) in s, and squared errors (K, n) relative to the minimum.
     """
     columns = torque_regressor(tree, states.q, states.qd, states.qdd)
     rubbing = friction_columns(states.q, states.qd, friction)
@@ -220,7 +221,7 @@ def current_delays(
 
 
 def _least(grid: np.ndarray, values: np.ndarray) -> np.ndarray:
-    """Where each row (M, K) is least, by a parabola; at the end of the grid where it falls to there."""
+    """Minimiser of each row (M, K) by a parabola, or the end of the grid."""
     place = np.clip(values.argmin(axis=1), 1, len(grid) - 2)
     before, here, after = (values[np.arange(len(values)), place + step] for step in (-1, 0, 1))
     bend = before - 2.0 * here + after

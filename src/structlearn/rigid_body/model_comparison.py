@@ -1,4 +1,4 @@
-"""Comparison of all models of an arm: trained on one part of its motion, torques predicted for the others."""
+"""Comparison of an arm's dynamics models: trained on one part of its motion, tested on the others."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
@@ -29,22 +29,22 @@ from structlearn.rigid_body.regressor import MotionRegressor
 from structlearn.rigid_body.tree import Robot, read_urdf
 from structlearn.rigid_body.urdf import write_urdf
 
-URDF, LEAST_SQUARES = "urdf", "least_squares"  # models without training
+URDF, LEAST_SQUARES = "urdf", "least_squares"  # untrained model, and unstructured least squares
 
 NETWORKS: dict[Kind, tuple[str, ...]] = {
     "mlp": ("none",),
     "mlp_scaled": ("none",),
     "delan": ("viscous", "coulomb"),
 }
-"""Networks and the friction beside them; perceptrons see the velocities and need none."""
+"""Networks, and the friction learned beside them; perceptrons see the velocities and need none."""
 
 LEARNED_FRICTIONS = ("viscous", "coulomb", "offset")
 
-TRAIN = "train"  # part that is learned from
-CONSISTENT = ("tri", "cov")  # structures of physically consistent inertias
+TRAIN = "train"  # name of the part to train on
+CONSISTENT = ("tri", "cov")  # structures with physically consistent inertias
 
 ModelKey = tuple[str, str]
-"""A kind, `URDF` or `LEAST_SQUARES`, and a key of `FRICTIONS`."""
+"""(kind or `URDF` or `LEAST_SQUARES`, key of `FRICTIONS`)."""
 
 
 @dataclass(frozen=True)
@@ -58,7 +58,7 @@ class NetworkTraining:
 
 Models = Mapping[ModelKey, DynamicsModels]
 Torques = Mapping[ModelKey, Mapping[str, np.ndarray]]
-"""(M, N, n) N m of the models of each key on each part."""
+"""(M, N, n) N m, by model and part."""
 
 
 def identify_arm(
@@ -74,22 +74,22 @@ def identify_arm(
 ) -> tuple[Models, Torques]:
     """Train every model on the part `TRAIN`, and predict the torques of all parts.
 
-    Identification starts from the URDF's inertias; structures are learned with each of the frictions,
-    networks with those of `NETWORKS`.
+    Identification starts from the URDF's inertias. Structures are learned with each of `frictions`, networks
+    with those of `NETWORKS`.
 
     Args:
         robot: as in its URDF.
         parts: motions by name.
-        structures: that are identified.
-        frictions: of structures and least squares, keys of `FRICTIONS`.
-        networks: those that are trained.
-        iterations: of L-BFGS, at most.
-        limits: see `identification.normalised_triangle`; of least squares too.
-        prior: weight of the divergence from the URDF, of consistent structures (`fit_structure`).
+        structures: structures to identify.
+        frictions: keys of `FRICTIONS`, for structures and least squares.
+        networks: networks to train.
+        iterations: most iterations of L-BFGS.
+        limits: as in `identification.normalised_triangle`; also for least squares.
+        prior: weight of the divergence from the URDF, for consistent structures (`fit_structure`).
     """
     kinds = [kind for kind in NETWORKS if kind in networks]
     work: list[tuple[Kind, str]] = [(kind, name) for kind in kinds for name in NETWORKS[kind]]
-    work.sort(key=lambda item: item[0] != "delan")  # the longest first
+    work.sort(key=lambda item: item[0] != "delan")  # the slowest first
     work += [(kind, friction) for friction in frictions for kind in structures]
     learned_from = partial(_learned, robot=robot, motion=parts[TRAIN], networks=networks)
     learn = partial(learned_from, iterations=iterations, limits=limits, prior=prior)
@@ -107,7 +107,7 @@ def identify_arm(
 
 
 def error_table(torques: Torques, parts: Mapping[str, Motion]) -> pd.DataFrame:
-    """`model`, `friction`, `seed`, `part`, `joint` (from 1), `nmse`."""
+    """Table of errors: `model`, `friction`, `seed`, `part`, `joint` (from 1), `nmse`."""
     rows = [
         (model, friction, seed, name, joint, error)
         for (model, friction), found in torques.items()
@@ -119,10 +119,10 @@ def error_table(torques: Torques, parts: Mapping[str, Motion]) -> pd.DataFrame:
 
 
 def block_table(torques: Torques, parts: Mapping[str, Motion], length: int) -> pd.DataFrame:
-    """Sums over blocks of `length` samples, from which errors on each part and their intervals follow.
+    """Sums over blocks of `length` samples, from which errors per part and their intervals are computed.
 
-    Columns `part`, `block`, `joint`, `samples`, sums `torque` and `torque_squared`, and one of summed squared
-    errors, mean over seeds, per model: `KIND/FRICTION`. `motion.drawn_nmse` reads them.
+    Columns: `part`, `block`, `joint`, `samples`, sums `torque` and `torque_squared`, and per model
+    (`KIND/FRICTION`) the summed squared error, averaged over seeds. Read by `motion.drawn_nmse`.
     """
     tables = []
     for name, part in parts.items():
@@ -136,7 +136,7 @@ def block_table(torques: Torques, parts: Mapping[str, Motion], length: int) -> p
 
 
 def block_norms(torques: Torques, parts: Mapping[str, Motion], length: int) -> pd.DataFrame:
-    """As `block_table`, over all joints: `part`, `block`, `samples`, and sums of the errors' norms in N m."""
+    """As `block_table`, over all joints: `part`, `block`, `samples`, and summed error norms in N m."""
     tables = []
     for name, part in parts.items():
         samples = block_sums(np.ones(len(part)), length)
@@ -149,7 +149,7 @@ def block_norms(torques: Torques, parts: Mapping[str, Motion], length: int) -> p
 
 
 def body_table(models: Models, robot: Robot) -> pd.DataFrame:
-    """`link_table` with `model` and `friction`; the URDF's values are `true_*`."""
+    """`link_table` with `model` and `friction`; the URDF's values are in `true_*`."""
     tables = [
         link_table(robot.tree, learned.inertias(), robot.inertias).assign(model=kind, friction=friction)
         for (kind, friction), learned in models.items()
@@ -159,7 +159,7 @@ def body_table(models: Models, robot: Robot) -> pd.DataFrame:
 
 
 def trace_table(torques: Torques, part: str, motion: Motion, rate_hz: float, stride: int) -> pd.DataFrame:
-    """Torques of the first seeds on a part, every `stride`-th sample, in N m.
+    """Measured and predicted torques in N m of a part, every `stride`-th sample, first seed of each model.
 
     Columns `time_s`, `joint`, `measured` and one per model, `KIND` or `KIND_FRICTION`.
     """
@@ -177,10 +177,10 @@ def trace_table(torques: Torques, part: str, motion: Motion, rate_hz: float, str
 
 
 def write_identified(source: Path, target: Path, robot: Robot, model: DynamicsModels) -> pd.DataFrame:
-    """Write the first model of a structure as a URDF, without an offset of friction, and check the file.
+    """Write the first model of a structure as a URDF, without the friction offset, and check the file.
 
-    Returns `joint`, `difference_n_m`: largest difference at random states between torques of the model and
-    those of Pinocchio's recursive Newton-Euler with the file.
+    Returns `joint`, `difference_n_m`: largest torque difference at random states between the model and
+    Pinocchio's recursive Newton-Euler on the file.
     """
     inertias = model.inertias().of(0)
     viscous, coulomb = model.friction_coefficients()[0].T[:2]

@@ -3,13 +3,13 @@
 from collections.abc import Iterable
 
 IDEAL, ROBOT = "iiwa", "perturbed"
-"""Arms: as in its URDF, and robots that differ from their URDF: simulated, or logged by the user."""
+"""Arms: equal to its URDF, and robots that differ from their URDF (simulated, or logged by the user)."""
 
 GROUND_TRUTH, DEFAULT = "ground_truth", "default"
-"""Models that are known instead of learned: of the robot itself, and of its URDF where that differs."""
+"""Known models: that of the robot itself, and that of its URDF where it differs."""
 
 COULOMB = "_coulomb"  # suffix of models that learned Coulomb friction beside viscous friction
-STRICT = ("spd", "tri", "cov")  # with a positive definite inertia, which the dissertation finds best
+STRICT = ("spd", "tri", "cov")  # positive definite inertia, which the dissertation finds best
 
 NAMES = {
     GROUND_TRUTH: "ground truth",
@@ -23,16 +23,16 @@ NAMES = {
     "tri": "Tri",
     "cov": "Cov",
 }
-"""Of the models without Coulomb friction."""
+"""Models without Coulomb friction."""
 
 
 def model_name(model: str) -> str:
-    """`Cov` or `Cov + Coulomb`."""
+    """Printed name, e.g. `Cov` or `Cov + Coulomb`."""
     kind = model.removesuffix(COULOMB)
     return NAMES[kind] + (" + Coulomb" if model != kind else "")
 
 
 def in_order(models: Iterable[str]) -> list[str]:
-    """Names of models in the order of tables, each with its variant with Coulomb friction behind it."""
+    """Models in the order of tables, each followed by its variant with Coulomb friction."""
     places = list(NAMES)
     return sorted(dict.fromkeys(models), key=lambda name: (places.index(name.removesuffix(COULOMB)), name))

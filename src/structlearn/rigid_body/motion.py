@@ -1,4 +1,4 @@
-"""Motions to learn dynamics from: joint states and torques, filtered and cut, and errors by block."""
+"""Motions to learn dynamics from: filtered joint states and torques, their parts, and errors by block."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -10,14 +10,14 @@ from structlearn.core import signals
 from structlearn.core.errors import InputError
 from structlearn.core.metrics import drawn_counts
 
-SMALLEST_VARIANCE = 1e-12  # (N m)^2; a joint whose torque varies less was not measured
+SMALLEST_VARIANCE = 1e-12  # (N m)^2; below it a joint's torque was not measured
 
 
 @dataclass(frozen=True)
 class Motion:
-    """Samples of inverse dynamics, in the order of time."""
+    """Samples for inverse dynamics, in the order of time."""
 
-    q: np.ndarray  # (N, n) rad, positions (m where a joint slides, likewise below)
+    q: np.ndarray  # (N, n) rad, positions (m for sliding joints, and so below)
     qd: np.ndarray  # (N, n) rad/s
     qdd: np.ndarray  # (N, n) rad/s^2
     torque: np.ndarray  # (N, n) N m
@@ -32,21 +32,21 @@ class Motion:
 
     @property
     def torque_variance(self) -> np.ndarray:
-        """(n,) variance of each joint's torque, by which errors are normalised."""
+        """(n,) variance of each joint's torque, which normalises its errors."""
         return self.torque.var(axis=0)
 
     def part(self, samples: slice | np.ndarray) -> "Motion":
-        """Some of the samples."""
+        """Subset of the samples."""
         return Motion(self.q[samples], self.qd[samples], self.qdd[samples], self.torque[samples])
 
     def split(self, share: float) -> tuple["Motion", "Motion"]:
-        """The first `share` of the samples, to learn from, and the rest, to test on."""
+        """The first `share` of the samples, for training, and the rest, for testing."""
         end = round(share * len(self))
         return self.part(slice(None, end)), self.part(slice(end, None))
 
 
 def joined(motions: Sequence[Motion]) -> Motion:
-    """Several motions of the same joints, one behind the other."""
+    """Concatenation of several motions of the same joints."""
     fields = ("q", "qd", "qdd", "torque")
     return Motion(*(np.concatenate([getattr(motion, field) for motion in motions]) for field in fields))
 
@@ -60,21 +60,21 @@ def measured_motion(
     rate_hz: float | None = None,
     cutoff_hz: float = np.inf,
 ) -> Motion:
-    """Samples on a uniform clock, without noise above a frequency, with accelerations from the velocities.
+    """Motion on a uniform clock, low-pass filtered, with accelerations differentiated from the velocities.
 
-    All signals go through the same zero-phase low-pass, so that what is linear between them still holds.
+    All signals pass the same zero-phase filter, so linear relations between them are kept.
 
     Args:
         name: of the log, for messages.
-        time: (T,) s, increasing, irregular or not.
+        time: (T,) s, increasing; may be irregular.
         positions: (T, n) rad.
         velocities: (T, n) rad/s.
         torques: (T, n) N m.
-        rate_hz: ticks per second of the clock; None: one over the median step.
-        cutoff_hz: of the low-pass; at or above half the rate there is none.
+        rate_hz: sampling rate of the clock; None: 1 / median step.
+        cutoff_hz: of the low-pass; no filter at or above half the rate.
 
     Raises:
-        InputError: fewer than three ticks, or a joint's torque does not vary.
+        InputError: fewer than three samples, or a joint's torque does not vary.
     """
     rate_hz = rate_hz or 1.0 / float(np.median(np.diff(time)))
     ticks = time[0] + np.arange(int(np.floor((time[-1] - time[0]) * rate_hz + 1e-6)) + 1) / rate_hz
@@ -95,9 +95,9 @@ def smoothed_motion(
     dt: float,
     cutoff_hz: float = np.inf,
 ) -> Motion:
-    """As `measured_motion`, for samples that are on a uniform clock already, `dt` s apart."""
+    """As `measured_motion`, for samples already on a uniform clock, `dt` s apart."""
     filtered = (signals.low_pass(values, dt, cutoff_hz) for values in (positions, velocities, torques))
-    q, qd, torque = map(np.ascontiguousarray, filtered)  # the filter's are reversed, which torch refuses
+    q, qd, torque = map(np.ascontiguousarray, filtered)  # torch refuses the filter's reversed views
     motion = Motion(q, qd, signals.derivative(qd, dt), torque)
     constant = np.flatnonzero(motion.torque_variance < SMALLEST_VARIANCE)
     if len(constant):
@@ -106,9 +106,9 @@ def smoothed_motion(
 
 
 def excited(name: str, velocities: np.ndarray, slow: float, rest: int) -> slice:
-    """The longest motion of a log, without the rests and the run-in around it.
+    """Longest motion in a log, without rests and transients around it.
 
-    The arm rests where no joint is faster than `slow` rad/s; rests shorter than `rest` samples belong to a
+    The arm rests where no joint is faster than `slow` rad/s; rests shorter than `rest` samples do not split a
     motion. Raises InputError: the arm never moves.
     """
     moving = np.flatnonzero((np.abs(velocities) > slow).any(axis=1))
@@ -122,7 +122,7 @@ def excited(name: str, velocities: np.ndarray, slow: float, rest: int) -> slice:
 def drawn_nmse(
     blocks: pd.DataFrame, model: Sequence[str], draws: int, seed: int
 ) -> tuple[np.ndarray, np.ndarray, int]:
-    """NMSE (n,) of a model (kind, friction) on one part, of drawn blocks (D, n), and the number of blocks."""
+    """NMSE (n,) of a model (kind, friction) on a part, for drawn blocks (D, n), and the number of blocks."""
     its = blocks.sort_values(["block", "joint"])
     count, joints = its["block"].nunique(), its["joint"].nunique()
     columns = ["samples", "torque", "torque_squared", "/".join(model)]

@@ -1,16 +1,16 @@
-"""Networks as models of inverse dynamics, M of them (seeds, robots) as one stack, and their training.
+"""Neural networks for inverse dynamics, M of them (seeds, robots) in one stack, and their training.
 
 A perceptron maps (q, qd, qdd) to torques. A deep Lagrangian network has a learned inertia matrix and a
 learned potential energy:
 
     H(q) = L(q) L(q)^T + b 1      tau = H qdd + (dH/dt) qd - 1/2 d(qd^T H qd)/dq + dV/dq
 
-L and V are networks of q. The Coriolis terms need no Jacobian of L, which has n^2 (n + 1) / 2 entries per
-sample. With Ldot = (dL/dq) qd from one tangent pass along qd,
+L and V are networks of q. The Coriolis terms do not need the Jacobian of L, which has n^2 (n + 1) / 2 entries
+per sample. With Ldot = (dL/dq) qd from one tangent pass along qd,
 
     (dH/dt) qd = L Ldot^T qd + Ldot L^T qd      1/2 d(qd^T H qd)/dq = (dL/dq)^T [qd (L^T qd)^T]
 
-where the last is one adjoint pass through L. Both passes are written out, so that they can be differentiated.
+where the last is one adjoint pass through L. Both passes are written out, so that they are differentiable.
 """
 
 from collections.abc import Iterable, Mapping, Sequence
@@ -35,11 +35,11 @@ from structlearn.rigid_body.motion import Motion
 NetworkKind = Literal["mlp", "mlp_scaled", "delan"]
 NETWORKS: tuple[NetworkKind, ...] = get_args(NetworkKind)
 
-EVALUATED_AT_ONCE = 1024  # samples; more would leave the processor's cache
-SUMMED_AT_ONCE = 4096  # squared errors of samples; the order of sums decides the last digits
+EVALUATED_AT_ONCE = 1024  # samples; larger batches leave the processor's cache
+SUMMED_AT_ONCE = 4096  # samples; fixed, because the order of summation decides the last digits
 
 SCALING = ("input_mean", "input_scale", "output_mean", "output_scale")
-"""Tensors that all models of a stack have in common."""
+"""Tensors that all models of a stack share."""
 
 
 @dataclass(frozen=True)
@@ -47,26 +47,26 @@ class StackedPerceptrons:
     """M networks from (q, qd, qdd) to torques."""
 
     network: StackedLayers  # of 3 n inputs and n outputs
-    input_mean: Tensor  # (3 n,) subtracted from the states
-    input_scale: Tensor  # (3 n,) by which they are divided
+    input_mean: Tensor  # (3 n,) subtracted from the inputs
+    input_scale: Tensor  # (3 n,) divides the inputs
     output_mean: Tensor  # (n,) N m
     output_scale: Tensor  # (n,) N m
 
     @classmethod
     def initial(cls, joints: int, hidden: Sequence[int], generators: Sequence[torch.Generator]) -> Self:
-        """Networks to be trained on plain states and torques, one per generator."""
+        """Untrained networks without standardisation, one per generator."""
         scaling = [plain(size) for size in (3 * joints, joints) for plain in (torch.zeros, torch.ones)]
         return cls(StackedLayers.uniform((3 * joints, *hidden, joints), generators), *scaling)
 
     def standardised(self, states: Sequence[Tensor], torque: Tensor) -> Self:
-        """The networks on standardised values, which the dissertation's are not.
+        """The networks with standardised inputs and outputs (the dissertation's have none).
 
-        Scales are those of positions, velocities and accelerations (n, N) and torques (n, N) to learn from.
+        Means and scales are those of positions, velocities, accelerations and torques, (n, N) each.
         """
         scales: list[Tensor] = []
         for values in (torch.cat(list(states)), torque):
             scale = values.std(dim=1, correction=0)
-            scales += [values.mean(dim=1), torch.where(scale > 0.0, scale, 1.0)]  # of a constant row
+            scales += [values.mean(dim=1), torch.where(scale > 0.0, scale, 1.0)]  # constant rows: 1
         return type(self)(self.network, *scales)
 
     def parameters(self) -> list[Tensor]:
@@ -74,7 +74,7 @@ class StackedPerceptrons:
         return self.network.parameters()
 
     def torques(self, q: Tensor, qd: Tensor, qdd: Tensor) -> Tensor:
-        """Torques (M, n, B) in N m of states (n, B) for all models, or (M, n, B)."""
+        """Torques (M, n, B) in N m at states (n, B), the same for all models, or (M, n, B)."""
         inputs = (torch.cat([q, qd, qdd], dim=-2) - self.input_mean[:, None]) / self.input_scale[:, None]
         outputs = self.network.forward(inputs.expand(self.network.models, -1, -1))
         return outputs * self.output_scale[:, None] + self.output_mean[:, None]
@@ -96,18 +96,18 @@ SMALLEST_INERTIA = 1e-3  # kg m^2 (b): keeps H positive definite for all weights
 class StackedLagrangianNetworks:
     """M deep Lagrangian networks.
 
-    L is lower triangular. Its n (n + 1) / 2 entries, diagonal first, are outputs of a network, the diagonal
+    L is lower triangular. A network outputs its n (n + 1) / 2 entries, diagonal first; the diagonal passes
     through a softplus, so that L is unique for every H.
     """
 
     inertia: StackedLayers  # gives the entries of L
     potential: StackedLayers  # gives V
-    row: Tensor  # (entries, n) selects each entry's row: a product with it is a sum over the matrix
-    column: Tensor  # (entries, n) selects its column
+    row: Tensor  # (entries, n) one-hot row of each entry; a product with it sums over the matrix
+    column: Tensor  # (entries, n) one-hot column
 
     @classmethod
     def initial(cls, joints: int, hidden: Sequence[int], generators: Sequence[torch.Generator]) -> Self:
-        """Networks to be trained, one per generator; both have the same hidden layers."""
+        """Untrained networks, one per generator; both have the same hidden layers."""
         below = torch.tril_indices(joints, joints, offset=-1)
         diagonal = torch.arange(joints).expand(2, -1)
         row, column = torch.cat([diagonal, below], dim=1)
@@ -140,14 +140,14 @@ class StackedLagrangianNetworks:
         return cls(inertia, potential, arrays["row"], arrays["column"])
 
     def torques(self, q: Tensor, qd: Tensor, qdd: Tensor) -> Tensor:
-        """Torques (M, n, B) in N m of states (n, B) for all models, or (M, n, B)."""
+        """Torques (M, n, B) in N m at states (n, B), the same for all models, or (M, n, B)."""
         q, rate = (values.expand(self.inertia.models, -1, -1) for values in (q, qd))
         values = self.inertia.activations(q)
         factor, slope = self._factor(self.inertia.output(values[-1]))
         factor_rate = slope * _tangent(self.inertia, values, rate)
 
         row_velocity, row_acceleration = self.row @ qd, self.row @ qdd
-        momentum = self.column @ (self.column.mT @ (factor * row_velocity))  # of L^T qd, the column's entry
+        momentum = self.column @ (self.column.mT @ (factor * row_velocity))  # L^T qd at each entry's column
         bracket = self.column.mT @ (factor * row_acceleration + factor_rate * row_velocity)
         inertial = self.row.mT @ (factor * (self.column @ bracket) + factor_rate * momentum)
 
@@ -169,21 +169,21 @@ class StackedLagrangianNetworks:
         return self.potential.output(values[-1]).squeeze(1)
 
     def _factor(self, raw: Tensor) -> tuple[Tensor, Tensor]:
-        """Entries of L (M, entries, B) and their slopes against the network's outputs."""
+        """Entries of L (M, entries, B) and their derivatives by the network's outputs."""
         diagonal, below = raw[:, : self.joints], raw[:, self.joints :]
         factor = torch.cat([functional.softplus(diagonal), below], dim=1)
         return factor, torch.cat([torch.sigmoid(diagonal), torch.ones_like(below)], dim=1)
 
 
 def _tangent(network: StackedLayers, values: Sequence[Tensor], direction: Tensor) -> Tensor:
-    """Change of a network's outputs (M, K, B) along a direction (M, D, B) of its inputs."""
+    """Directional derivative (M, K, B) of a network's outputs along a direction (M, D, B) of its inputs."""
     for value, weights in zip(values, network.weights[:-1], strict=True):
         direction = (1.0 - value * value) * torch.bmm(weights, direction)
     return torch.bmm(network.weights[-1], direction)
 
 
 def _adjoint(network: StackedLayers, values: Sequence[Tensor], cotangent: Tensor) -> Tensor:
-    """Gradient (M, D, B) at a network's inputs of its outputs times a cotangent (M, K, B)."""
+    """Vector-Jacobian product (M, D, B): gradient of cotangent (M, K, B) . outputs by the inputs."""
     for value, weights in zip(reversed(values), reversed(network.weights[1:]), strict=True):
         cotangent = (1.0 - value * value) * torch.bmm(weights.mT, cotangent)
     return torch.bmm(network.weights[0].mT, cotangent)
@@ -192,20 +192,20 @@ def _adjoint(network: StackedLayers, values: Sequence[Tensor], cotangent: Tensor
 class SmallAdam(torch.optim.Optimizer):
     """Adam with torch's fused kernel for a few small tensors, each with a leading axis of models.
 
-    Steps are those of `torch.optim.Adam`, whose bookkeeping takes 7 to 20 % of a step of such networks.
+    Same steps as `torch.optim.Adam`, without its bookkeeping, 7 to 20 % of a step for such small networks.
     """
 
     def __init__(self, parameters: Sequence[Tensor], adam: AdamParameters):
         super().__init__(parameters, {"lr": adam.rate})
         self.parameters, self.decay = list(parameters), adam.second_moment_decay
         self.means, self.squares = ([torch.zeros_like(its) for its in self.parameters] for _ in range(2))
-        self.count = torch.zeros(())  # of steps
+        self.count = torch.zeros(())  # steps taken
 
     @torch.no_grad()
     def step(self, gradients: Sequence[Tensor | None]) -> None:  # type: ignore[override]
-        """One step; parameters without a gradient stay."""
+        """One step; parameters with gradient None do not change."""
         every = zip(gradients, self.parameters, self.means, self.squares, strict=True)
-        # the kernel takes all memory in order, whatever the strides
+        # the kernel walks memory in order, regardless of strides
         moved = [(slope.contiguous(), *its) for slope, *its in every if slope is not None]
         slopes, values, means, squares = (list(its) for its in zip(*moved, strict=True))
         self.count += 1
@@ -226,19 +226,19 @@ class SmallAdam(torch.optim.Optimizer):
         )
 
     def keep(self, models: Tensor) -> None:
-        """Go on with some of the models, (M,) whether each is among them."""
+        """Keep only some models; (M,) mask."""
         for values in self.parameters:
             values.data = values.data[models]
         self.means, self.squares = ([its[models] for its in kept] for kept in (self.means, self.squares))
 
 
 class NetworkLearner:
-    """M networks of one kind that learn together, in single precision, a generator for the start of each.
+    """M networks of one kind, trained together in single precision, with a generator each for the start.
 
-    `mlp` learns plain states and torques, as in the dissertation; `mlp_scaled` standardised ones; `delan` has
-    terms of joint friction beside it, which perceptrons do not need. All learn from one motion, or each from
-    its own of N samples; `mlp_scaled` has one scale, so one motion. Weights (1 or M, n) are those of each
-    joint's squared error in the loss.
+    `mlp` learns raw states and torques, as in the dissertation, `mlp_scaled` standardised ones; `delan` has
+    friction terms, which perceptrons do not need. All learn from one motion, or each from its own motion of N
+    samples (not `mlp_scaled`, which has one set of scales). `weights` (1 or M, n) scale each joint's squared
+    error in the loss.
     """
 
     def __init__(
@@ -273,7 +273,7 @@ class NetworkLearner:
         self.weights = as_tensor(weights)[..., None]
 
     def learn(self, order: Tensor) -> None:
-        """Steps of Adam down the mean weighted squared error of samples, a batch each."""
+        """Adam steps on the mean weighted squared error, one per batch of samples in the given order."""
         shuffled = (values[..., order].split(self.batch, dim=-1) for values in self._data)
         for states, torque, columns in zip(*shuffled, strict=True):
             torques = self._torques(states, columns)
@@ -282,7 +282,7 @@ class NetworkLearner:
 
     @torch.no_grad()
     def nmse(self, stride: int = 1) -> np.ndarray:
-        """(M, n) errors on the whole motion, or on every `stride`-th sample of it."""
+        """NMSE (M, n) on every `stride`-th sample of the motion."""
         squares, count = 0.0, self.torque[..., ::stride].shape[-1]
         every = (values[..., ::stride].split(SUMMED_AT_ONCE, dim=-1) for values in self._data)
         for states, torque, columns in zip(*every, strict=True):
@@ -292,7 +292,7 @@ class NetworkLearner:
         return squares / (count * self.variance)
 
     def keep(self, models: np.ndarray) -> None:
-        """Go on with some of the models, (M,) whether each is among them."""
+        """Keep only some models; (M,) mask."""
         kept = torch.from_numpy(models)
         if len(self.torque) > 1:
             self.states, self.torque, self.columns = (values[kept] for values in self._data)
@@ -300,7 +300,7 @@ class NetworkLearner:
         self.optimiser.keep(kept)
 
     def state(self) -> dict[str, np.ndarray]:
-        """Weights and free parameters of friction, each with a leading axis of models; then scales."""
+        """Weights and free parameters of friction, with a leading axis of models; then the scales."""
         tensors = self.network.to_arrays() | {"friction": self.rubbing.detach()}
         return {name: values.numpy().copy() for name, values in tensors.items()}
 
@@ -309,7 +309,7 @@ class NetworkLearner:
         return self.states, self.torque, self.columns
 
     def _torques(self, states: Tensor, columns: Tensor) -> Tensor:
-        """(M, n, B) of states (R, 3, n, B) and columns of friction (R, n, t, B)."""
+        """Torques (M, n, B) at states (R, 3, n, B) with friction columns (R, n, t, B)."""
         torques = self.network.torques(*states.unbind(1))
         if not self.friction:
             return torques
@@ -318,5 +318,5 @@ class NetworkLearner:
 
 
 def _by_columns(values: Iterable[np.ndarray]) -> Tensor:
-    """(R, ..., n, N) of arrays (..., N, n)."""
+    """(R, ..., n, N) tensor of arrays (..., N, n)."""
     return as_tensor(np.stack([np.swapaxes(its, -1, -2) for its in values]))

@@ -1,8 +1,8 @@
 """Inverse dynamics by the recursive Newton-Euler algorithm, batched and differentiable (chapter III.2).
 
-Velocities and accelerations run from the base to the tips, forces and moments back. It is the reference, and
-has gradients to positions and kinematics; where only inertias are learned, the regressor gives the same
-torques by a matrix product. `agreement_with_pinocchio` compares all implementations with Pinocchio.
+Velocities and accelerations are propagated from the base to the tips, forces and moments back. This is the
+reference, differentiable by positions and kinematics; where only inertias are learned, the regressor gives
+the same torques by a matrix product. `agreement_with_pinocchio` compares all implementations with Pinocchio.
 """
 
 import numpy as np
@@ -20,19 +20,19 @@ def inverse_dynamics(
 ) -> Tensor:
     """Joint torques tau = H(q) qdd + C(q, qd) qd + g(q) of a robot without friction (eq. III.1).
 
-    States are (..., B, n) in rad, rad/s and rad/s^2 (m where a joint slides), torques (..., B, n) in N m or
-    N. Leading axes of the inertias, mass (..., n), broadcast with those of the states. An inertia need not be
-    symmetric: I w + w x I w is taken with the matrix as it is.
+    States are (..., B, n) in rad, rad/s and rad/s^2 (m for sliding joints), torques (..., B, n) in N m or N.
+    Leading axes of the inertias, mass (..., n), broadcast with those of the states. An inertia need not be
+    symmetric: I w + w x I w uses the matrix as given.
     """
     placements = _placements(tree, q)
     axes = torch.as_tensor(tree.axis, dtype=q.dtype)
-    # of each link: angular velocity and acceleration, acceleration of its origin; its frame
+    # per link: angular velocity and acceleration, acceleration of its origin; frame
     motions: list[tuple[Tensor, Tensor, Tensor]] = []
     for joint, parent in enumerate(tree.parents):
         rotation, translation = placements[joint]
         if parent < 0:
             velocity = acceleration = q.new_zeros((*q.shape[:-1], 3))
-            linear = velocity - torch.as_tensor(tree.gravity, dtype=q.dtype)  # free fall has no weight
+            linear = velocity - torch.as_tensor(tree.gravity, dtype=q.dtype)  # gravity as base acceleration
         else:
             velocity, acceleration, linear = motions[parent]
         linear = linear + _cross(acceleration, translation) + _twice(velocity, translation)
@@ -54,7 +54,7 @@ def inverse_dynamics(
 
 
 def _placements(tree: KinematicTree, q: Tensor) -> list[tuple[Tensor, Tensor]]:
-    """Rotation (..., 3, 3) and origin (..., 3) of each joint frame in its parent's."""
+    """Rotation (..., 3, 3) and origin (..., 3) of each joint frame in its parent's frame."""
     placements = []
     for joint, axis in enumerate(tree.axis):
         rotation = torch.as_tensor(tree.rotation[joint], dtype=q.dtype)
@@ -74,7 +74,7 @@ def _placements(tree: KinematicTree, q: Tensor) -> list[tuple[Tensor, Tensor]]:
 def _wrenches(
     inertias: LinkInertias[Tensor], velocity: Tensor, acceleration: Tensor, linear: Tensor
 ) -> tuple[Tensor, Tensor]:
-    """Forces and moments about the joint origins that move the links as they move, (..., B, n, 3) each."""
+    """Net forces and moments about the joint origins for the links' motion, (..., B, n, 3) each."""
     mass = inertias.mass[..., None, :, None]
     first_moment = inertias.first_moment[..., None, :, :]
     inertia = inertias.inertia[..., None, :, :, :]
@@ -90,7 +90,7 @@ def _projected(
     forces: list[Tensor],
     moments: list[Tensor],
 ) -> Tensor:
-    """Torques (..., B, n): every joint bears its link and all links beyond."""
+    """Torques (..., B, n): each joint bears its link and all links beyond."""
     torques = [forces[0]] * len(axes)
     for joint in reversed(range(len(axes))):
         force, moment = forces[joint], moments[joint]
@@ -121,9 +121,10 @@ _LARGEST = (2.0, 2.0, 5.0)  # rad, bound of uniform positions; rad/s and rad/s^2
 
 
 def agreement_with_pinocchio(robot: Robot, states: int = 200, seed: int = 0) -> dict[str, float]:
-    """Largest differences from Pinocchio's recursive Newton-Euler (`rnea`) over joints and random states.
+    """Largest torque differences from Pinocchio's `rnea` over joints and random states.
 
-    `recursion_n_m` (batched), `regressor_n_m`, `compiled_n_m` (one state, for control); and the largest
+    Keys: `recursion_n_m` (batched), `regressor_n_m`, `compiled_n_m` (single state), and `largest_n_m`, the
+    largest torque itself.
     torque itself, `largest_n_m`.
     """
     (q, qd, qdd), expected = _pinocchio_torques(robot, states, seed)
@@ -142,7 +143,7 @@ def agreement_with_pinocchio(robot: Robot, states: int = 200, seed: int = 0) -> 
 def torque_differences(
     robot: Robot, inertias: LinkInertias[np.ndarray], states: int = 200, seed: int = 0
 ) -> np.ndarray:
-    """Largest difference (n,) in N m between Pinocchio's torques of a robot and ours of inertias (n,)."""
+    """Largest torque difference (n,) in N m between Pinocchio on a robot and inertias (n,) here."""
     (q, qd, qdd), expected = _pinocchio_torques(robot, states, seed)
     ours = torque_regressor(robot.tree, q, qd, qdd) @ link_parameters(inertias.tensors()).numpy()
     return np.abs(ours - expected).max(axis=0)

@@ -1,14 +1,14 @@
-"""Inertial parameters of what an arm carries: followed online, and identified from pairs of motions.
+"""Inertial parameters of an arm's payload: tracked online, and identified from pairs of motions.
 
-Online, the last link is learned while the arm moves; it picks something up on the way. A load that is carried
-from the start shows in motions without it and the same motions with it:
+Online, the last link is learned while the arm moves and picks something up. A load that is carried from the
+start is identified from the same motions without and with it:
 
     tau = Y theta + F phi            without
-    tau = Y theta + F phi + Y_n l    with: l are the ten parameters of what the last link has gained
+    tau = Y theta + F phi + Y_n l    with: l are the ten parameters that the last link has gained
 
-This is one least-squares problem, in which the arm itself need not be known. Both motions of a pair are the
-same, so l rests on the difference of their torques. Errors of each joint are divided by its residual in a
-first fit.
+This is a single least-squares problem in which the arm itself need not be known. Both motions of a pair are
+the same, so l is determined by the difference of their torques. Each joint's errors are divided by its
+residual in a first fit.
 """
 
 from collections.abc import Sequence
@@ -33,14 +33,14 @@ from structlearn.rigid_body.regressor import (
 )
 from structlearn.rigid_body.tree import KinematicTree, LinkInertias
 
-EMPTY_FRICTION: tuple[FrictionTerm, ...] = ("viscous", "coulomb")  # of an arm that picks something up
+EMPTY_FRICTION: tuple[FrictionTerm, ...] = ("viscous", "coulomb")  # of an arm that picks up a payload
 
 UNKNOWN = 1e-6
-"""Directions of which a draw of blocks says less than this share of the best known are left at zero."""
+"""Directions with less than this share of the largest singular value are set to zero in a bootstrap draw."""
 
 
 class PayloadLearningParameters(Parameters):
-    """How a payload is followed. Fields: `params.yaml`, `online.payload`."""
+    """Online tracking of a payload. Fields: `params.yaml`, `online.payload`."""
 
     structure: Structure
     empty_s: float = Field(gt=0)
@@ -55,10 +55,10 @@ def learn_payload(
     inertias: LinkInertias,
     parameters: PayloadLearningParameters,
 ) -> pd.DataFrame:
-    """Identify the empty arm at the start of a log, starting from `inertias`, then `follow_payload`.
+    """Identify the empty arm from the start of a log, starting from `inertias`, then `follow_payload`.
 
-    The log is a motion and the s between its samples. Links and friction are fitted to its first `empty_s`,
-    in which nothing is carried yet.
+    The log is a motion and its sampling interval in s. Links and friction are fitted to the first `empty_s`,
+    before anything is carried.
     """
     motion, dt = log
     links, friction = identify_empty(tree, inertias, motion, dt, parameters)
@@ -69,9 +69,9 @@ def learn_payload(
 def identify_empty(
     tree: KinematicTree, urdf: LinkInertias, motion: Motion, dt: float, parameters: PayloadLearningParameters
 ) -> tuple[LinkInertias[np.ndarray], np.ndarray]:
-    """Inertias of an arm's links, and the friction torques (N, n) in N m that it had in a motion.
+    """Inertias of the empty arm's links, and the friction torques (N, n) in N m of its motion.
 
-    Both are fitted to the first `empty_s` of the motion, in which nothing is carried yet.
+    Both are fitted to the first `empty_s` of the motion, before anything is carried.
     """
     empty = motion.part(slice(0, round(parameters.empty_s / dt)))
     triangle = normalised_triangle(MotionRegressor(tree, empty, True, EMPTY_FRICTION).factors)
@@ -84,18 +84,17 @@ def identify_empty(
 def follow_payload(
     tree: KinematicTree, known: LinkInertias, motion: Motion, dt: float, parameters: PayloadLearningParameters
 ) -> pd.DataFrame:
-    """Learn the last link's inertia online, from that of the empty arm, while the arm picks something up.
+    """Learn the last link's inertia online, starting from the empty arm, while it picks something up.
 
-    The past is one triangular factor (recursive least squares with forgetting), to which the structure is
-    fitted after every batch. Each batch is predicted before it is learned from. Joints weigh as their torques
-    varied in the first `empty_s`: nothing is learned from what is yet to come. `motion` is in the order of
-    time, `dt` s apart, without friction; all links but the last keep the inertias `known`.
+    Past samples are kept as one triangular factor (recursive least squares with forgetting), to which the
+    structure is fitted after every batch. Each batch is predicted before it is learned from. Joints are
+    weighted by their torque variance in the first `empty_s`, so nothing is learned from the future. `motion`
+    is in the order of time, `dt` s apart, without friction; all other links keep the inertias `known`.
 
     Returns:
-        Per batch: `time_s` at its end; `nmse_fixed` and `nmse_learned` (mean over the joints of squared
-        errors over the whole motion's variance) of the empty arm's inertias and of those learned before the
-        batch; and what the last link has gained after it: `mass_kg`, `moment_{x,y,z}_kg_m` (mass times
-        position).
+        Per batch: `time_s` at its end; `nmse_fixed` and `nmse_learned` (squared errors over the variance of
+        the whole motion, averaged over joints) of the empty arm and of the inertias learned before the batch;
+        and the last link's gain after the batch: `mass_kg`, `moment_{x,y,z}_kg_m` (mass times position).
     """
     columns = torque_regressor(tree, motion.q, motion.qd, motion.qdd)
     theta = link_parameters(known.tensors()).numpy()
@@ -103,11 +102,11 @@ def follow_payload(
     own = theta[-SYMMETRIC_COLUMNS:]
     seen = motion.part(slice(0, round(parameters.empty_s / dt)))
     scale = 1.0 / np.sqrt(seen.torque_variance)
-    share = seen.torque_variance / motion.torque_variance  # of squared errors, in those of the whole motion
+    share = seen.torque_variance / motion.torque_variance  # rescales errors to the whole motion's variance
     last = columns[..., -SYMMETRIC_COLUMNS:] * scale[:, None]  # (N, n, 10)
     left = (motion.torque - columns[..., :-SYMMETRIC_COLUMNS] @ theta[:-SYMMETRIC_COLUMNS]) * scale
 
-    forgetting = 0.5 ** (0.5 * parameters.batch * dt / parameters.memory_s)  # of roots of weights
+    forgetting = 0.5 ** (0.5 * parameters.batch * dt / parameters.memory_s)  # factor on square-root weights
     triangle = np.zeros((SYMMETRIC_COLUMNS + 1, SYMMETRIC_COLUMNS + 1))
     now, learned, rows = empty, own, []
     for start in range(0, len(motion), parameters.batch):
@@ -135,14 +134,13 @@ def identify_load(
     draws: int,
     seed: int,
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Inertial parameters of a load at the last link, from the same motions without the load and with it.
+    """Inertial parameters of a load at the last link, from the same motions without and with the load.
 
-    Every pair, e.g. a day, has friction of its own. The bootstrap draws blocks of `length` samples of a pair
-    with both motions, so errors that come back whenever the arm passes there, as those of friction, cancel in
-    part.
+    Every pair (e.g. a day) has its own friction. The bootstrap resamples blocks of `length` samples of a pair
+    jointly in both motions, so repeatable errors, such as those of friction, partly cancel.
 
     Returns:
-        (10,) mass in kg, first moment in kg m and inertia about the joint's origin in kg m^2 (xx, xy, xz, yy,
+        (10,) mass in kg, first moment in kg m and inertia about the joint origin in kg m^2 (xx, xy, xz, yy,
         yz, zz), in the last joint's frame; and (draws, 10).
     """
     rows = [_rows(tree, pair, friction, place, len(pairs)) for place, pair in enumerate(pairs)]
@@ -168,7 +166,7 @@ def identify_load(
 def _rows(
     tree: KinematicTree, pair: tuple[Motion, Motion], friction: Sequence[FrictionTerm], place: int, pairs: int
 ) -> np.ndarray:
-    """(N, 2, n, P + 1) of a pair: columns of links, of every pair's friction, of the load; torque."""
+    """(N, 2, n, P + 1) columns of a pair: links, every pair's friction, load, torque."""
     links = SYMMETRIC_COLUMNS * len(tree.names)
     parts = []
     for carries, motion in enumerate(pair):
@@ -182,7 +180,7 @@ def _rows(
 
 
 def _solved(rows: Sequence[np.ndarray], weights: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Smallest least-squares solution (P,), and directions (P, r) along which the squares are one."""
+    """Minimum-norm least-squares solution (P,), and directions (P, r) along which the squares are one."""
     stacked = np.concatenate([(its * weights[:, None]).reshape(-1, its.shape[-1]) for its in rows])
     triangle = triangular_factor(stacked)
     left, strength, right = np.linalg.svd(triangle[:, :-1], full_matrices=False)

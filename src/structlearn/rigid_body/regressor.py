@@ -1,8 +1,8 @@
 """Inverse dynamics as a matrix product: tau = Y(q, qd, qdd) theta.
 
-Torques are linear in mass, first moment and rotational inertia about the JOINT origin. While the kinematics
-are fixed, Y of a data set is computed once, and training needs autograd only through the parameterisation
-(`inertia_parameters`). A non-symmetric inertia (nostr) has columns for its nine entries.
+Torques are linear in mass, first moment and rotational inertia about the JOINT origin. With fixed kinematics,
+Y of a data set is computed once, and training needs autograd only through the parameterisation
+(`inertia_parameters`). A non-symmetric inertia (nostr) has nine columns, one per entry.
 """
 
 from collections.abc import Sequence
@@ -24,9 +24,9 @@ SYMMETRIC_COLUMNS, FULL_COLUMNS = 10, 13  # per link
 def torque_regressor(
     tree: KinematicTree, q: np.ndarray, qd: np.ndarray, qdd: np.ndarray, symmetric: bool = True
 ) -> np.ndarray:
-    """Y of joint positions, velocities and accelerations, (B, n) each.
+    """Regressor Y at joint positions, velocities and accelerations, (B, n) each.
 
-    With `symmetric` ten columns per link: m, h (3), then xx, xy, xz, yy, yz, zz of the inertia about the
+    With `symmetric`, ten columns per link: m, h (3), then xx, xy, xz, yy, yz, zz of the inertia about the
     joint origin; otherwise thirteen, with the nine entries row by row.
 
     Returns:
@@ -40,9 +40,9 @@ def torque_regressor(
 
 
 def link_parameters(inertias: LinkInertias[Tensor], symmetric: bool = True) -> Tensor:
-    """Theta of inertias, mass (..., n), as the columns of `torque_regressor` need it; differentiable.
+    """Theta for the columns of `torque_regressor`, from inertias with mass (..., n); differentiable.
 
-    (..., 10 n), of inertias taken to be symmetric, or (..., 13 n).
+    (..., 10 n), where only the symmetric part counts, or (..., 13 n).
     """
     mass, first_moment = inertias.mass[..., None], inertias.first_moment
     squared = first_moment.square().sum(-1)[..., None, None] * torch.eye(3, dtype=mass.dtype)
@@ -58,17 +58,17 @@ class _Motion(NamedTuple):
 
     velocity: np.ndarray  # (n, 3) angular
     acceleration: np.ndarray  # (n, 3) angular
-    linear: np.ndarray  # (n, 3) acceleration of the origin less gravity
-    turning: np.ndarray  # (n, n, 3) [link, joint]: angular velocity of the link for unit speed of that joint
-    sliding: np.ndarray  # (n, n, 3) [link, joint]: velocity of its origin then
+    linear: np.ndarray  # (n, 3) acceleration of the origin minus gravity
+    turning: np.ndarray  # (n, n, 3) [link, joint]: the link's angular velocity for unit speed of the joint
+    sliding: np.ndarray  # (n, n, 3) [link, joint]: velocity of the link's origin then
 
 
 @numba.njit(cache=True)
 def _fill(chain: Chain, q: np.ndarray, qd: np.ndarray, qdd: np.ndarray, regressor: np.ndarray) -> None:
     """Fill a regressor of zeros (B, n, n, columns).
 
-    By virtual work the torque of joint i is the wrench of every link beyond it times the twist (v, w) that
-    unit speed of joint i gives the link, both at the link's origin. The wrench there is
+    By virtual work, the torque of joint i is the wrench of every link beyond it times the twist (v, w) that
+    unit speed of joint i gives that link, both at the link's origin, where the wrench is
 
         f = m a + dw x h + w x (w x h)        n = h x a + I dw + w x (I w)
     """
@@ -86,7 +86,7 @@ def _fill(chain: Chain, q: np.ndarray, qd: np.ndarray, qdd: np.ndarray, regresso
 
 @numba.njit(cache=True, inline="always")
 def _move(chain: Chain, motion: _Motion, link: int, position: float, speed: float, change: float) -> None:
-    """Motion of a link from that of its parent."""
+    """Motion of a link from the motion of its parent."""
     parent = chain.parents[link]
     axis, slides = _vector(chain.axis[link]), chain.prismatic[link]
     rotation, origin = _placement(chain, link, position)
@@ -120,7 +120,7 @@ def _move(chain: Chain, motion: _Motion, link: int, position: float, speed: floa
 
 @numba.njit(cache=True, inline="always")
 def _placement(chain: Chain, joint: int, position: float) -> tuple[tuple, tuple]:
-    """Rows of a joint frame's rotation in its parent's, and its origin there."""
+    """Rows of a joint frame's rotation in its parent's frame, and its origin there."""
     axis, origin = _vector(chain.axis[joint]), _vector(chain.translation[joint])
     rotation = chain.rotation[joint]
     x, y, z = _vector(rotation[0]), _vector(rotation[1]), _vector(rotation[2])
@@ -133,7 +133,7 @@ def _placement(chain: Chain, joint: int, position: float) -> tuple[tuple, tuple]
 
 @numba.njit(cache=True, inline="always")
 def _turned(row: tuple, axis: tuple, sine: float, cosine: float) -> tuple:
-    """Rodrigues' formula for one row of a rotation, which turns about the axis against the angle."""
+    """Rodrigues' formula for one row of a rotation matrix, for a turn about the axis by minus the angle."""
     along = _scaled(axis, (1.0 - cosine) * _dot(row, axis))
     return _sum(_scaled(row, cosine), _sum(along, _scaled(cross(row, axis), sine)))
 
@@ -166,7 +166,7 @@ def _fill_columns(motion: _Motion, link: int, joint: int, regressor: np.ndarray,
         columns[10], columns[11], columns[12] = zx, zy, zz
 
 
-# Vectors are tuples below: numba keeps them in registers, while each array would cost an allocation.
+# Vectors are tuples below: numba keeps them in registers, whereas each array would cost an allocation.
 
 
 @numba.njit(cache=True, inline="always")
@@ -196,18 +196,18 @@ def _dot(left: tuple, right: tuple) -> float:
 
 @numba.njit(cache=True, inline="always")
 def _rotated_back(rows: tuple, vector: tuple) -> tuple:
-    """R^T v of a rotation's three rows."""
+    """R^T v, from the three rows of a rotation R."""
     x, y = _scaled(rows[0], vector[0]), _scaled(rows[1], vector[1])
     return _sum(_sum(x, y), _scaled(rows[2], vector[2]))
 
 
 @dataclass(frozen=True)
 class TorqueFactors:
-    """Squared torque errors of any link parameters on a whole data set, without the data set.
+    """Squared torque errors on a data set as a function of theta, independent of the number of samples.
 
-    With tau = Y theta the squared error of joint j is |Y_j theta - tau_j|^2 = |R_j (theta, -1)|^2, where R_j
-    is the triangular factor of (Y_j, tau_j). Its size is the number of parameters, so an error costs the same
-    for 6000 samples as for 60000. Unlike the normal equations, the factor loses no digits.
+    With tau = Y theta, the squared error of joint j is |Y_j theta - tau_j|^2 = |R_j (theta, -1)|^2, where R_j
+    is the triangular factor of (Y_j, tau_j), of the size of theta. Unlike the normal equations, the factor
+    loses no digits.
     """
 
     factors: np.ndarray  # (n, P + 1, P + 1) per joint, of the regressor's columns and then the torque
@@ -215,15 +215,15 @@ class TorqueFactors:
     variance: np.ndarray  # (n,) (N m)^2 of each joint's torque
 
     def nmse(self, parameters: np.ndarray) -> np.ndarray:
-        """Mean squared error (..., n) over samples of theta (..., P), over the torque's variance."""
+        """Mean squared error (..., n) of theta (..., P) over the torque's variance."""
         extended = np.concatenate([parameters, -np.ones_like(parameters[..., :1])], axis=-1)
         residual = np.einsum("jrp,...p->...jr", self.factors, extended, optimize=True)
         return (residual**2).sum(axis=-1) / (self.samples * self.variance)
 
 
 def triangular_factor(rows: np.ndarray) -> np.ndarray:
-    """R (min(N, P), P) of a QR decomposition of rows (N, P), which has the same sums of squares."""
-    return np.linalg.qr(rows, mode="r")  # type: ignore[return-value]  # numpy's stub has no mode of R alone
+    """R (min(N, P), P) of a QR decomposition of rows (N, P), which preserves sums of squares."""
+    return np.linalg.qr(rows, mode="r")  # type: ignore[return-value]  # numpy's stub lacks this mode
 
 
 def torque_factors(regressor: np.ndarray, torque: np.ndarray) -> TorqueFactors:
@@ -232,7 +232,7 @@ def torque_factors(regressor: np.ndarray, torque: np.ndarray) -> TorqueFactors:
     factors = np.zeros((joints, width + 1, width + 1))
     for joint in range(joints):
         columns = regressor[:, joint]
-        used = np.append(np.flatnonzero(columns.any(axis=0)), width)  # links before the joint do not count
+        used = np.append(np.flatnonzero(columns.any(axis=0)), width)  # skip links before the joint
         stacked = np.column_stack([columns[:, used[:-1]], torque[:, joint]])
         factor = triangular_factor(stacked)
         factors[joint, : len(factor), used] = factor.T
@@ -242,7 +242,7 @@ def torque_factors(regressor: np.ndarray, torque: np.ndarray) -> TorqueFactors:
 class MotionRegressor:
     """Regressor of a motion, shared by all models that learn from it.
 
-    Inertias are symmetric, or, for nostr, not; columns of friction come after those of the links.
+    Inertias are symmetric or (nostr) full; columns of friction follow those of the links.
     """
 
     def __init__(

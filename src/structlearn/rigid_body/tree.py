@@ -1,8 +1,8 @@
 """Kinematic tree and link inertias of a robot, read from its URDF.
 
-Pinocchio reads the file and merges links at fixed joints; what comes out are plain arrays, so that torch and
-numba need no Pinocchio. Joint i moves link i; the joint frame is fixed to the link; `rotation` and
-`translation` are its pose in the frame of the parent joint at zero position.
+Pinocchio reads the file and merges links at fixed joints; the results are plain arrays, so that torch and
+numba code need no Pinocchio. Joint i moves link i, and its frame is fixed to that link; `rotation` and
+`translation` are its pose in the parent joint's frame at position zero.
 """
 
 import warnings
@@ -25,29 +25,29 @@ Array = TypeVar("Array", np.ndarray, "Tensor")
 
 @dataclass(frozen=True)
 class KinematicTree:
-    """Kinematics of a robot: n joints, each after its parent."""
+    """Kinematics of a robot with n joints, each listed after its parent."""
 
-    names: tuple[str, ...]  # of the joints
+    names: tuple[str, ...]  # joint names
     parents: np.ndarray  # (n,) index of the parent joint, smaller than the joint's; -1 for the base
     rotation: np.ndarray  # (n, 3, 3) joint frame in the parent's at position zero
-    translation: np.ndarray  # (n, 3) m, its origin in the parent's frame
+    translation: np.ndarray  # (n, 3) m, origin of the joint frame in the parent's
     axis: np.ndarray  # (n, 3) unit vector, in the joint frame
-    prismatic: np.ndarray  # (n,) bool; the others turn
+    prismatic: np.ndarray  # (n,) bool; False: revolute or continuous
     lower: np.ndarray  # (n,) rad or m; -inf for continuous joints
     upper: np.ndarray  # (n,) rad or m; inf for continuous joints
     velocity: np.ndarray  # (n,) limit in rad/s or m/s
-    gravity: np.ndarray  # (3,) m/s^2, acceleration of free fall in the base frame
+    gravity: np.ndarray  # (3,) m/s^2, gravitational acceleration in the base frame
 
     @property
     def ranges(self) -> tuple[np.ndarray, np.ndarray]:
-        """Lower and upper limits (n,); a joint without limits turns half a circle either way."""
+        """Lower and upper limits (n,); -pi and pi for joints without limits."""
         limits = ((self.lower, -np.pi), (self.upper, np.pi))
         lower, upper = (np.where(np.isfinite(limit), limit, other) for limit, other in limits)
         return lower, upper
 
 
 class Chain(NamedTuple):
-    """A kinematic tree for compiled functions; fields are `KinematicTree`'s."""
+    """A kinematic tree for compiled functions; fields are those of `KinematicTree`."""
 
     parents: np.ndarray
     rotation: np.ndarray
@@ -66,25 +66,25 @@ class Chain(NamedTuple):
 
 @dataclass(frozen=True)
 class LinkInertias(Generic[Array]):
-    """Inertial parameters of n links in their joint frames; arrays or tensors, leading axes are models."""
+    """Inertial parameters of n links in their joint frames; leading axes, if any, are models."""
 
     mass: Array  # (..., n) kg
     first_moment: Array  # (..., n, 3) kg m, mass times centre of mass
     inertia: Array  # (..., n, 3, 3) kg m^2, about the centre of mass, axes of the joint frame
 
     def of(self, model: int) -> "LinkInertias[np.ndarray]":
-        """Those of one model."""
+        """Inertias of one model."""
         return LinkInertias(*(np.asarray(its[model]) for its in (self.mass, self.first_moment, self.inertia)))
 
     def tensors(self) -> "LinkInertias[Tensor]":
         """The same as float64 tensors."""
-        import torch  # two seconds, which only those who learn need
+        import torch  # takes two seconds, and is only needed for learning
 
         fields = (self.mass, self.first_moment, self.inertia)
         return LinkInertias(*(torch.as_tensor(field, dtype=torch.float64) for field in fields))
 
     def arrays(self) -> "LinkInertias[np.ndarray]":
-        """The same as float64 arrays, cut off from any gradient."""
+        """The same as float64 arrays, detached."""
         import torch
 
         fields = (torch.as_tensor(field) for field in (self.mass, self.first_moment, self.inertia))
@@ -93,11 +93,11 @@ class LinkInertias(Generic[Array]):
 
 @dataclass(frozen=True)
 class Robot:
-    """A robot as its URDF describes it."""
+    """A robot as described by its URDF."""
 
     name: str
     tree: KinematicTree
-    inertias: LinkInertias[np.ndarray]  # of the moving links, with everything that is fixed to them
+    inertias: LinkInertias[np.ndarray]  # of the moving links, including whatever is fixed to them
     model: pinocchio.Model  # with the same joints in the same order
 
 
@@ -123,7 +123,7 @@ def read_urdf(path: str | Path, locked: Sequence[str] = ()) -> Robot:
 def read_model(path: str | Path, locked: Sequence[str] = ()) -> pinocchio.Model:
     """Pinocchio's model of a robot with a fixed base; its links need neither mass nor inertia.
 
-    Raises InputError as `read_urdf` does, but for masses and inertias.
+    Raises InputError as `read_urdf` does, except for masses and inertias.
     """
     check_urdf(path, locked)
     try:
@@ -139,19 +139,19 @@ def read_model(path: str | Path, locked: Sequence[str] = ()) -> pinocchio.Model:
 
 
 def robot_of(model: pinocchio.Model) -> Robot:
-    """A robot with a fixed base from Pinocchio's model of it."""
+    """Tree and inertias of a fixed-base robot, from Pinocchio's model."""
     return Robot(model.name, _tree(model), _inertias(model), model)
 
 
 def configuration(model: pinocchio.Model, joints: np.ndarray) -> np.ndarray:
-    """Pinocchio's configuration of joints (n,): continuous ones are a cosine and a sine there."""
+    """Pinocchio's configuration vector for joints (n,), in which continuous joints are cosine and sine."""
     return pinocchio.integrate(model, pinocchio.neutral(model), joints)
 
 
 def joint_order(tree: KinematicTree, names: Sequence[str], source: str | Path) -> np.ndarray:
-    """Columns of a log in the order of the robot's joints: `log[:, order]`; other joints are left out.
+    """Indices that sort a log's columns into the robot's joint order, `log[:, order]`; others are dropped.
 
-    Raises InputError, which names `source`: a joint of the robot is missing from the log, or is there twice.
+    Raises InputError naming `source`: a joint of the robot is missing from the log, or appears twice.
     """
     names = list(names)
     if missing := [name for name in tree.names if name not in names]:
@@ -168,7 +168,7 @@ def _tree(model: pinocchio.Model) -> KinematicTree:
     joints = range(1, model.njoints)
     placements = [model.jointPlacements[joint] for joint in joints]
     screws = _screws(model)
-    bounded = np.array([model.joints[joint].nq == 1 for joint in joints])  # continuous ones have cos and sin
+    bounded = np.array([model.joints[joint].nq == 1 for joint in joints])  # continuous: cosine and sine
     positions = [model.joints[joint].idx_q for joint in joints]
     prismatic = np.any(screws[:, :3] != 0.0, axis=1)
     return KinematicTree(
@@ -191,7 +191,7 @@ def _screws(model: pinocchio.Model) -> np.ndarray:
     pinocchio.computeJointJacobians(model, data, pinocchio.neutral(model))
     local, joints = pinocchio.ReferenceFrame.LOCAL, range(1, model.njoints)
     jacobians = [pinocchio.getJointJacobian(model, data, joint, local) for joint in joints]
-    # Pinocchio gives a vector where there is one joint only
+    # Pinocchio returns a vector for a single joint
     return np.array([jacobian.reshape(6, -1)[:, joint] for joint, jacobian in enumerate(jacobians)])
 
 
@@ -206,9 +206,9 @@ def _inertias(model: pinocchio.Model) -> LinkInertias[np.ndarray]:
 
 
 def _check_inertias(robot: Robot, path: str | Path) -> None:
-    """Links as Pinocchio merged them at fixed joints must have mass and inertia.
+    """Check that every link, after merging at fixed joints, has mass and positive definite inertia.
 
-    Moments that no body has are so common in makers' files that they only cause a warning.
+    Inconsistent principal moments are so common in manufacturers' files that they only cause a warning.
     """
     moments = np.linalg.eigvalsh(robot.inertias.inertia)
     for name, mass, moment in zip(robot.tree.names, robot.inertias.mass, moments[:, 0], strict=True):

@@ -1,8 +1,8 @@
-"""URDF files as XML: checks that Pinocchio does not make, joints and hands, and writing identified inertias.
+"""URDF files as XML: checks that Pinocchio does not make, joints and hands, writing identified inertias.
 
-Pinocchio 4 reads a link whose `<inertial>` is absent, incomplete or no number as massless, a negative mass as
-it stands, limits without bounds as [0, 0] and an axis of zeros as it stands. Dynamics of such a robot are
-singular or wrong, and no error says so.
+Pinocchio 4 reads a link whose `<inertial>` is absent, incomplete or not a number as massless, keeps negative
+masses, reads absent limits as [0, 0] and keeps zero axes. Dynamics of such a robot are singular or wrong,
+without an error.
 """
 
 import math
@@ -28,7 +28,7 @@ INERTIA_ENTRIES = {"ixx": (0, 0), "ixy": (0, 1), "ixz": (0, 2), "iyy": (1, 1), "
 
 
 def check_urdf(path: str | Path, locked: Sequence[str]) -> None:
-    """Raise InputError unless every joint of a URDF has one degree of freedom and limits, see `read_urdf`."""
+    """Raise InputError unless every joint has one degree of freedom and limits, see `read_urdf`."""
     root = robot_element(Path(path))
     joints = {joint.get("name", ""): joint for joint in root.findall("joint")}
     moving = {name: joint for name, joint in joints.items() if joint.get("type") != "fixed"}
@@ -90,11 +90,11 @@ def _numbers(texts: Sequence[str], where: str) -> list[float]:
 
 
 HANDS = re.compile(r"tcp|tool|grasp|gripper|hand|ee$|end_?effector|flange", re.IGNORECASE)
-"""Usual names of links and frames of a hand."""
+"""Usual names of a hand's links and frames."""
 
 
 def moving_joints(path: str | Path) -> list[str]:
-    """Names of all joints that are not fixed, in the order of the file; InputError where it is no URDF."""
+    """Names of all joints that are not fixed, in file order. Raises InputError if it is no URDF."""
     return [name for name, (kind, _, _) in _joints(path).items() if kind != "fixed"]
 
 
@@ -104,9 +104,9 @@ def moved_link(path: str | Path, joint: str) -> str:
 
 
 def tips(path: str | Path, joints: Collection[str]) -> list[str]:
-    """Links at the ends of the chains of some joints, the likeliest for the hand first.
+    """Links at the ends of the chains that some joints move, the most likely hand first.
 
-    Those with the name of a hand come first, then those behind more joints. Links moved by other joints, e.g.
+    Links named like a hand come first, then those behind more joints. Links moved by other joints, e.g.
     fingers, are left out. Raises InputError: the file is missing or no URDF.
     """
     chains = _chains(path)
@@ -116,9 +116,10 @@ def tips(path: str | Path, joints: Collection[str]) -> list[str]:
 
 
 def counterparts(path: str | Path, joints: Sequence[str]) -> dict[str, str]:
-    """Names in a URDF of joints that were recorded under others, if a chain agrees in their number and order.
+    """Map recorded joint names to a URDF's, if one of its chains has as many joints, numbered alike.
 
-    Order is that of the numbers at the ends of the names: `fer_joint1` is `panda_joint1`. Else empty.
+    Joints are matched by the numbers at the ends of their names: `fer_joint1` is `panda_joint1`. Empty if no
+    chain fits.
     """
     wanted, chains = sorted(joints, key=natural_order), _chains(path)
     numbers = list(map(_number, wanted))
@@ -134,7 +135,7 @@ def _number(name: str) -> str | None:
 
 
 def _chains(path: str | Path) -> dict[str, list[str]]:
-    """Names of the joints that move each link, from the root on; a circle of links has no root."""
+    """Names of the joints that move each link, from the root on; links on a cycle are left out."""
     carried = {child: (name, kind, parent) for name, (kind, parent, child) in _joints(path).items()}
     chains = {}
     for link in carried:
@@ -170,17 +171,17 @@ def write_urdf(
 ) -> None:
     """Write a robot with identified inertias and friction as a URDF. The caller publishes the file.
 
-    Whatever is fixed to a link, or was locked when the file was read, is part of what was identified: its
-    inertia becomes zero, written out, since simulators take a link without one for 1 kg. Shapes from mesh
-    files are left out: PyBullet refuses a robot whose meshes it does not find beside the file.
+    The identified inertia of a link includes whatever is fixed to it, or was locked when the file was read.
+    Inertias of those parts become zero, explicitly, since simulators assume 1 kg for links without one. Mesh
+    shapes are left out: PyBullet refuses a robot whose meshes are not beside the file.
 
     Args:
-        source: the URDF that `tree` was read from; joints that are not among the tree's become fixed.
+        source: the URDF that `tree` was read from; joints that the tree lacks become fixed.
         target: the file to write; its folder exists.
         tree: n joints.
-        inertias: mass (n,) positive, of each moving link with what is fixed to it.
-        viscous: (n,) N m s/rad, joints' `damping`; None: as in the source.
-        coulomb: (n,) N m, joints' `friction`; None: as in the source.
+        inertias: mass (n,) positive, of each moving link including what is fixed to it.
+        viscous: (n,) N m s/rad, written as `damping`; None: as in the source.
+        coulomb: (n,) N m, written as `friction`; None: as in the source.
 
     Raises:
         InputError: a joint of the tree is not in the source.
@@ -193,7 +194,7 @@ def write_urdf(
         name, old = link.get("name", ""), link.find("inertial")
         _without_meshes(link)
         if old is not None and not set(tree.names) & set(chains.get(name, ())):
-            continue  # nothing can be learned of what does not move
+            continue  # links that do not move were not identified
         if old is not None:
             link.remove(old)
         link.append(_inertial(inertias, moved.get(name)))
@@ -219,7 +220,7 @@ def _without_meshes(link: ElementTree.Element) -> None:
 
 
 def _inertial(inertias: "LinkInertias[np.ndarray]", place: int | None) -> ElementTree.Element:
-    """`<inertial>` of a moving link, with all digits; zeros where there is no place."""
+    """`<inertial>` of a moving link, with all digits; zeros if `place` is None."""
     mass, centre, inertia = 0.0, np.zeros(3), np.zeros((3, 3))
     if place is not None:
         mass, inertia = float(inertias.mass[place]), inertias.inertia[place]

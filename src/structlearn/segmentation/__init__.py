@@ -1,4 +1,4 @@
-"""Demonstrations cut into primitives: zero-velocity crossing, time warping, weighted least squares (IV.5).
+"""Segmentation of demonstrations into primitives: zero-velocity crossing, DTW, weighted least squares (IV.5).
 
 The public names are in the stub beside this file; their modules load on first use.
 """

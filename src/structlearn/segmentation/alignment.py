@@ -1,9 +1,9 @@
-"""One primitive of a demonstration, aligned with the reference's by weighted least squares (IV.5.2, IV.5.3).
+"""Alignment of a segment with the reference's by weighted least squares (IV.5.2, IV.5.3).
 
     t_guess = tau t_ref + d        (eq. IV.15)
 
-over the corresponding samples that dynamic time warping found. Pairs at near-zero velocity are ambiguous and
-dropped; pairs of incompatible velocities are probably wrong and count exponentially less.
+over the pairs of samples found by dynamic time warping. Pairs at near-zero velocity are ambiguous and
+dropped; pairs with different velocities are probably wrong, and their weight falls exponentially.
 
 Nobody looks at every cut, so poor ones are flagged (`cut_warnings`): the crossing disagrees with the
 alignment, the aligned movement with the reference's, or the choice with what was expected. The bounds lie
@@ -21,8 +21,8 @@ from structlearn.segmentation.dtw import correspondences
 from structlearn.segmentation.parameters import SegmentParameters
 
 METHODS = ("zvc", "dtw", "ls", "wls_published", "wls")
-RESULT = "wls"  # The method whose cuts are used; the others are kept to be compared
-AS_PRINTED = "wls_published"  # The dissertation's
+RESULT = "wls"  # method whose cuts are used; the others are kept for comparison
+AS_PRINTED = "wls_published"  # the dissertation's method
 
 
 @dataclass(frozen=True)
@@ -42,8 +42,8 @@ def velocity_weights(
 ) -> np.ndarray:
     """Weights (K,) of pairs: exp(-decay |v_ref - v_guess|), 0 at near-zero velocity (IV.5.3).
 
-    Velocities (K, D) at the pairs are divided by the largest speed of their segment, which removes the time
-    scale too. `near_zero`: fraction of the largest speed below which a pair is dropped. `decay`: k.
+    Velocities (K, D) at the pairs are divided by the largest speed of their segment, which also removes the
+    time scale. `near_zero`: fraction of the largest speed below which a pair is dropped. `decay`: k.
     """
     speeds = [np.linalg.norm(velocity, axis=1) for velocity in (reference_velocity, guess_velocity)]
     largest = [max(float(speed.max(initial=0.0)), np.finfo(float).tiny) for speed in speeds]
@@ -64,7 +64,7 @@ def least_squares(pairs: np.ndarray, weights: np.ndarray | None = None) -> Align
         raise InputError(f"only {int(used.sum())} correspondence pairs are left to align it")
     reference, guess = pairs[used].astype(float).T
     share = weights[used] / weights[used].sum()
-    centre_reference, centre_guess = share @ reference, share @ guess  # centred: well-conditioned
+    centre_reference, centre_guess = share @ reference, share @ guess  # centred for good conditioning
     deviation = reference - centre_reference
     time_scale = (share * deviation) @ (guess - centre_guess) / ((share * deviation) @ deviation)
     if time_scale <= 0.0:
@@ -80,17 +80,16 @@ def with_crossings(
     crossing_weight: float,
     tolerance: float,
 ) -> Alignment:
-    """Weighted least squares that also counts the zero-velocity crossings as correspondences.
+    """Weighted least squares with the zero-velocity crossings as additional correspondences.
 
-    A departure from the text. Its weights leave only pairs in mid-movement, where two trials of one person
-    differ in shape; at the ends, where the cut is made, it extrapolates. The crossings are the only
-    correspondences there. A crossing that lies far from the text's alignment is probably a false one and
-    counts less, by 1 / (1 + (distance / tolerance)^2).
+    Departs from the text, whose weights keep only pairs in mid-movement, where two trials of one person
+    differ in shape, and extrapolate to the ends, where the cut is made. The crossings are the only
+    correspondences there. A crossing far from the published alignment is probably false, and its weight is
+    multiplied by 1 / (1 + (distance / tolerance)^2).
 
-    `alignment`: the text's, from the pairs (K, 2) with weights (K,) alone. `crossings`: (2, 2) start and end
-    by zero-velocity crossing: reference, guess, in samples. `crossing_weight`: of both crossings at distance
-    0 relative to all pairs together. `tolerance`: distance in samples at which a crossing has half its
-    weight.
+    `alignment`: as published, from the pairs (K, 2) with weights (K,). `crossings`: (2, 2) start and end by
+    zero-velocity crossing: reference, guess, in samples. `crossing_weight`: total weight of both crossings at
+    distance 0, relative to that of all pairs. `tolerance`: distance in samples that halves the weight.
     """
     distance = crossings[:, 1] - alignment.guess_time(crossings[:, 0])
     trust = 0.5 * crossing_weight * weights.sum() / (1.0 + (distance / tolerance) ** 2)
@@ -99,11 +98,11 @@ def with_crossings(
 
 @dataclass(frozen=True)
 class Movement:
-    """Filtered signals of one primitive's axis in one demonstration, and its crossing."""
+    """Filtered signals along the axis of one primitive in one demonstration, and its crossing."""
 
     dt: float  # s
-    path: np.ndarray  # (T, D) m, of an orientation rad
-    velocity: np.ndarray  # (T, D) of it
+    path: np.ndarray  # (T, D) m; rad for orientations
+    velocity: np.ndarray  # (T, D) per s
     crossing: Crossing  # in samples
 
 
@@ -116,10 +115,10 @@ class Refined:
     pairs: np.ndarray  # (K, 2) corresponding samples: reference, own
     weights: np.ndarray  # (K,) of the pairs
     alignments: dict[str, Alignment]  # by method
-    cells: int  # of the warping table
+    cells: int  # size of the warping table
 
     def ends(self, method: str) -> np.ndarray:
-        """(2,) start and end by a method; events are not refined."""
+        """(2,) start and end by a method, in samples; ends at events are not refined."""
         reference, own = self.reference.crossing, self.own.crossing
         reference_ends = np.array([reference.start, reference.end], dtype=float)
         crossings = np.array([own.start, own.end], dtype=float)
@@ -136,7 +135,7 @@ def refine(reference: Movement, own: Movement, parameters: SegmentParameters) ->
     """Lines 11 to 24 of algorithm IV.1 for one primitive. Raises InputError: too few samples correspond."""
     extension = round(parameters.extension_s / reference.dt)
     g = parameters.downsampling
-    # Times count from the start of the demonstrations, so the extension need not be undone, clipped or not.
+    # Times count from the start of the demonstrations, so the extension need not be subtracted again.
     crossings = [movement.crossing for movement in (reference, own)]
     firsts = [max(one.earliest, one.start - extension) for one in crossings]
     part, own_part = (
@@ -161,20 +160,20 @@ def refine(reference: Movement, own: Movement, parameters: SegmentParameters) ->
 WARNING_COLUMNS = ["demonstration", "primitive", "reason", "number"]  # the number is beyond its bound
 
 APART = 0.2
-"""Largest distance of an end by crossing from the same end by alignment, in durations of the reference's."""
+"""Largest distance of an end by crossing from the same end by alignment, over the reference's duration."""
 
 OFF_SHAPE = 0.5
-"""Largest mean distance of the aligned movement from the reference's, each about its mean and divided by its
-rms distance from the mean: a longer way is not another shape."""
+"""Largest mean distance of the aligned movement from the reference's, each centred and divided by its RMS
+distance from the mean, so that a different amplitude is not a different shape."""
 
 UNLIKE = 1.0
-"""Largest cost of a chosen run of motion (`run_assignment`): that of one of 2.7 times the duration."""
+"""Largest cost of a chosen run of motion (`run_assignment`); 2.7 times the reference's duration costs 1."""
 
 LEFT_OUT = 0.25
-"""Longest way of motion that belongs to no primitive, in ways of a mean primitive; a twitch is shorter."""
+"""Longest path of motion outside all primitives, relative to a mean primitive; ignored motion is shorter."""
 
 RESTED_S = 0.35
-"""Longest rests within a primitive that count as hesitations; a pause between primitives is longer."""
+"""Longest pauses within a primitive, in total; a pause between primitives is longer."""
 
 
 def cut_warnings(
@@ -182,7 +181,7 @@ def cut_warnings(
 ) -> list[tuple[str, str, str, float]]:
     """Cut warnings of one demonstration, rows of `WARNING_COLUMNS`; most demonstrations have none.
 
-    `refined`: by primitive with an axis. `reference`: whether it is the reference, which has no comparison.
+    `refined`: by primitive with an axis. `reference`: whether it is the reference, which is not compared.
     """
     return [
         (demonstration, primitive, reason, number)
@@ -193,7 +192,7 @@ def cut_warnings(
 
 
 def _evidence(one: Refined, reference: bool) -> Iterator[tuple[str, float, float]]:
-    """Reasons, numbers and bounds, of the choice of runs and of the alignment with the reference."""
+    """(reason, number, bound) for the choice of runs and for the alignment with the reference."""
     own, crossing = one.own.crossing, one.reference.crossing
     yield "its duration, way or direction is unlike the reference's (cost)", own.unlike, UNLIKE
     yield "motion before it belongs to no primitive (ways of a primitive)", own.left_out[0], LEFT_OUT

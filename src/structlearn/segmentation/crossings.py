@@ -1,9 +1,8 @@
-"""Start and end of every primitive by zero-velocity crossing, or from there at its onset, before refinement.
+"""Initial start and end of every primitive, by zero-velocity crossing or at its extrapolated onset.
 
 If each primitive has a different axis and a threshold, it is the largest movement along its axis after the
-previous one, demonstration by demonstration, and the first demonstration is the reference. Otherwise runs of
-motion are assigned to the primitives by one choice over all demonstrations (`run_assignment`), which chooses
-the reference too.
+previous primitive, and the first demonstration is the reference. Otherwise runs of motion are assigned to the
+primitives of all demonstrations jointly (`run_assignment`), which also chooses the reference.
 """
 
 from collections.abc import Mapping, Sequence
@@ -24,31 +23,30 @@ from structlearn.segmentation.run_assignment import Chosen
 
 @dataclass(frozen=True)
 class Crossing:
-    """One primitive in one demonstration, in samples."""
+    """Extent of one primitive in one demonstration, in samples."""
 
     start: int
     end: int
-    earliest: int  # what surrounds it reaches no further: there other motion begins
+    earliest: int  # limits of its surroundings, beyond which other motion begins
     latest: int
-    start_known: bool = False  # whether an event and not a speed says so, and nothing is to be refined
+    start_known: bool = False  # given by an event instead of a speed, so not refined
     end_known: bool = False
-    unlike: float = 0.0  # how unlike the reference's primitive (`run_assignment`); 0 where nothing was chosen
-    # way of the motion before it, and after it where it is the last, that belongs to no primitive, in ways of
-    # a mean one
+    unlike: float = 0.0  # dissimilarity from the reference's primitive (`run_assignment`); 0 without a choice
+    # path of unassigned motion before it, and after it if it is the last, relative to a mean primitive
     left_out: tuple[float, float] = (0.0, 0.0)
-    rested: float = 0.0  # s of dips within it that were taken for hesitations
+    rested: float = 0.0  # s of dips within it that count as hesitations
 
 
-Crossings = Mapping[str, Crossing]  # Of the primitives that have an axis, by name
+Crossings = Mapping[str, Crossing]  # by name of the primitives that have an axis
 
 
 def find_crossings(
     demonstrations: Sequence[Demonstration], parameters: SegmentParameters
 ) -> tuple[int, list[Crossings | InputError]]:
-    """Index of the reference, and of each demonstration the crossings, or why it has none.
+    """Index of the reference, and per demonstration its crossings or the reason why it has none.
 
-    `demonstrations`: complete, with one common sampling interval. Raises InputError: there is no
-    demonstration of the reference's name.
+    `demonstrations`: without gaps, with one sampling interval. Raises InputError: there is no demonstration
+    with the reference's name.
     """
     names = [demonstration.name for demonstration in demonstrations]
     if parameters.reference not in (None, *names):
@@ -72,7 +70,7 @@ def find_crossings(
 def _at_onsets(
     demonstration: Demonstration, crossings: Crossings | InputError, parameters: SegmentParameters
 ) -> Crossings | InputError:
-    """Crossings with their ends moved to where the movements begin and come to rest (`onsets`)."""
+    """Crossings with their ends moved to the extrapolated onsets of the movement (`onsets`)."""
     if isinstance(crossings, InputError):
         return crossings
     axes = {primitive.name: primitive.shown_by for primitive in _with_axis(parameters)}
@@ -89,7 +87,7 @@ def _at_onsets(
 
 
 def _largest(demonstration: Demonstration, parameters: SegmentParameters) -> Crossings:
-    """The largest movement along the axis of each primitive, each looked for after the one before."""
+    """Largest movement along the axis of each primitive, searched for after the previous primitive."""
     found, first, last = {}, 0, len(demonstration.time) - 1
     for primitive in _with_axis(parameters):
         motion = motion_runs.motion(demonstration, primitive.shown_by, parameters)
@@ -143,7 +141,7 @@ def _assigned(
 
 
 def _thresholds(primitive: PrimitiveParameters, paces: Mapping[Axis, float]) -> tuple[float, ...]:
-    """Speeds above which a primitive's runs are searched, the lowest first."""
+    """Speed thresholds at which a primitive's runs are searched for, in rising order."""
     if primitive.threshold_m_s is not None:
         return (primitive.threshold_m_s,)
     return tuple(fraction * paces[primitive.shown_by] for fraction in motion_runs.FRACTIONS)
@@ -156,7 +154,7 @@ def _candidates(
     paces: Mapping[Axis, float],
     parameters: SegmentParameters,
 ) -> list[Candidates]:
-    """Candidates for each primitive. An event ends a run: the hand may go on without a rest."""
+    """Candidates for each primitive. Events split runs, since the hand may move on without a pause."""
     most, bridge = len(primitives) + motion_runs.SPARE_RUNS, round(parameters.bridge_s / demonstration.dt)
     events = {
         one.name: motion_runs.events(demonstration, one.until) for one in primitives if one.until is not None
@@ -180,7 +178,7 @@ def _candidates(
 def _placed(
     primitives: Sequence[PrimitiveParameters], candidates: Sequence[Candidates], chosen: Chosen
 ) -> Crossings:
-    """Crossings of the candidates that were chosen in a demonstration."""
+    """Crossings of the chosen candidates of a demonstration."""
     found: dict[str, Crossing] = {}
     event, before = None, 0
     *left_out, after = chosen.left_out.tolist()
@@ -210,7 +208,7 @@ def _missing(
     unlike: np.ndarray | None,
     paces: Mapping[Axis, float],
 ) -> InputError:
-    """Why a demonstration cannot be cut: which runs it has, and which thresholds were tried."""
+    """Error that says why a demonstration cannot be cut: its runs, and the thresholds tried."""
     for primitive, one in zip(primitives, candidates, strict=True):
         if primitive.until is not None and len(one.runs) and len(one.first) == 0:
             what = f"{primitive.until.signal} never comes to {primitive.until} after its motion"

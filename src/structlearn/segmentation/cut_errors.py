@@ -13,15 +13,15 @@ from structlearn.segmentation.motion_runs import path
 from structlearn.segmentation.parameters import Axis, PrimitiveParameters, SegmentParameters
 from structlearn.segmentation.segments import Segmentation, cut
 
-SPREAD_SAMPLES = 200  # Points of the normalised time on which segments are compared
+SPREAD_SAMPLES = 200  # points of normalised time at which segments are compared
 
 
 def cut_errors(demonstrations: Sequence[Demonstration], segmentation: Segmentation) -> pd.DataFrame:
-    """Errors of the cut points of primitives that have an axis, where the true ones are known.
+    """Errors of cut points against known true ones, for primitives that have an axis.
 
-    Primitives in between have no cut points of their own, and the reference is not guessed: both are left
-    out. `demonstrations`: with `true_segments` in the order of the primitives. Returns `demonstration`,
-    `primitive`, `method`, `start_error_s`, `end_error_s` (found minus true).
+    Excluded are primitives between others, which have no cut points of their own, and the reference, which is
+    not guessed. `demonstrations`: with `true_segments` in the order of the primitives. Returns
+    `demonstration`, `primitive`, `method`, `start_error_s`, `end_error_s` (found minus true).
     """
     true = {one.name: one.true_segments for one in demonstrations if one.true_segments is not None}
     places, cuts = segmentation.primitives, segmentation.cuts
@@ -51,7 +51,7 @@ def aligned_segments(
 ) -> tuple[np.ndarray, list[str]]:
     """Position along an axis of one primitive in all demonstrations, on normalised time.
 
-    Returns (L, SPREAD_SAMPLES, D) m, of an orientation rad, and the names of the L demonstrations.
+    Returns (L, SPREAD_SAMPLES, D) m (rad for orientations), and the names of the L demonstrations.
     """
     cuts = segmentation.result(primitive, method)
     curves, names = [], []
@@ -65,15 +65,15 @@ def aligned_segments(
 
 
 def spread_mm(curves: np.ndarray) -> float:
-    """Mean distance in mm between pairs of aligned segments (L, T, D), each relative to its mean position.
+    """Mean distance in mm between pairs of aligned segments (L, T, D), each centred at its mean position.
 
-    The mean is subtracted since demonstrations may lie apart in space, which is no fault of the cuts.
+    Centring removes offsets between demonstrations, which say nothing about the cuts.
     """
     return 1e3 * metrics.pairwise_spread(curves - curves.mean(axis=1, keepdims=True))
 
 
 def distances_mm(curves: np.ndarray, reference: int) -> np.ndarray:
-    """Mean distance in mm of the other aligned segments from the reference's, likewise: (L - 1,)."""
+    """Mean distance (L - 1,) in mm of each aligned segment from the reference's, centred likewise."""
     curves = curves - curves.mean(axis=1, keepdims=True)
     distances = 1e3 * np.linalg.norm(curves - curves[reference], axis=-1).mean(axis=1)
     return np.delete(distances, reference)
@@ -82,13 +82,12 @@ def distances_mm(curves: np.ndarray, reference: int) -> np.ndarray:
 def downsampling_effect(
     demonstrations: Sequence[Demonstration], parameters: SegmentParameters, factors: Sequence[int]
 ) -> pd.DataFrame:
-    """Cut points with the alignment down-sampled by several factors (appendix C).
+    """Effect of down-sampling the alignment by several factors on the cut points (appendix C).
 
-    `parameters`: of the segmentation; its `downsampling` is replaced. Returns one row per factor: `factor`,
-    `work` (cells of the warping tables, relative to the first factor; `make bench` times
-    them), `mean_shift_ms` and `max_shift_ms` of the resulting cut points against the first factor's, and the
-    largest in samples that are aligned: `shift_samples`, `shift_samples_published` of weighted least squares
-    as printed.
+    `parameters`: of the segmentation; `downsampling` is replaced. Returns one row per factor: `factor`,
+    `work` (cells of the warping tables relative to the first factor; `make bench` times them),
+    `mean_shift_ms` and `max_shift_ms` of the cut points against the first factor's, and the largest shift in
+    aligned samples: `shift_samples`, and `shift_samples_published` for weighted least squares as printed.
     """
     found = {
         factor: cut(demonstrations, parameters.model_copy(update={"downsampling": factor}))
@@ -98,7 +97,7 @@ def downsampling_effect(
     rows = []
     for factor, segmentation in found.items():
         ends = [one.cuts.set_index(keys)[["start_s", "end_s"]] for one in (segmentation, first)]
-        shifts = (ends[0] - ends[1]).dropna().abs()  # of what both could cut
+        shifts = (ends[0] - ends[1]).dropna().abs()  # demonstrations that both could cut
         shift, as_printed = (shifts.loc[method].to_numpy() for method in (RESULT, AS_PRINTED))
         in_ms, samples = 1e3 * np.array([shift.mean(), shift.max()]), factor * demonstrations[0].dt
         in_samples = shift.max() / samples, as_printed.max() / samples
@@ -114,15 +113,15 @@ def between_dwells(
     noise_m: float,
     rng: np.random.Generator,
 ) -> Demonstration:
-    """A single movement between two rests of random length, so that its true cut points are known.
+    """A single movement embedded between two rests of random length, with known true cut points.
 
     `rest_s`: range of the rests. Smooth Gaussian noise of std `noise_m` per axis, below `noise_hz`, is added
-    to positions; the rests are drawn first, so that they do not depend on it.
+    to positions; the rests are drawn first, so they do not depend on the noise.
     """
     dt = demonstration.dt
     before, after = (int(s / dt) for s in rng.uniform(*rest_s, 2))
     position = np.pad(demonstration.position, ((before, after), (0, 0)), mode="edge")
-    margin = int(np.ceil(4.0 / (noise_hz * dt)))  # the filter's transients are cut off
+    margin = int(np.ceil(4.0 / (noise_hz * dt)))  # removes the filter's transients
     white = rng.standard_normal((len(position) + 2 * margin, 3))
     smooth = signals.low_pass(white, dt, noise_hz)[margin:-margin]
     position = position + noise_m * smooth / smooth.std(axis=0)
@@ -134,14 +133,14 @@ def between_dwells(
     )
 
 
-BASELINE = "ls"  # The method that the text compares weighted least squares with
+BASELINE = "ls"  # method that the text compares weighted least squares with
 PERSON = ["noise_mm", "seed", "method"]
 
 
 def errors_by_seed(noise: pd.DataFrame) -> pd.DataFrame:
     """Mean absolute cut error of every simulated person: `noise_mm`, `seed`, `method`, `error_ms`.
 
-    Over demonstrations, primitives and both ends. `noise`: of `cut_sweep.noise_sweep`.
+    Averages over demonstrations, primitives and both ends. `noise`: from `cut_sweep.noise_sweep`.
     """
     found = noise[noise["method"] != "left_out"]
     both_ends = found[["start_error_s", "end_error_s"]].abs().mean(axis=1)
@@ -151,7 +150,7 @@ def errors_by_seed(noise: pd.DataFrame) -> pd.DataFrame:
 def errors_by_level(by_seed: pd.DataFrame) -> pd.DataFrame:
     """Mean and half width of the 95 % confidence interval over the seeds, per noise level and method.
 
-    `by_seed`: of `errors_by_seed`. Returns `noise_mm`, `method`, `mean_ms`, `half_width_ms`.
+    `by_seed`: from `errors_by_seed`. Returns `noise_mm`, `method`, `mean_ms`, `half_width_ms`.
     """
     rows = [
         (level, method, *mean_interval(errors.to_numpy()))
@@ -163,12 +162,11 @@ def errors_by_level(by_seed: pd.DataFrame) -> pd.DataFrame:
 
 
 def paired_comparison(by_seed: pd.DataFrame) -> pd.DataFrame:
-    """Error of every other method minus that of the result's, in pairs over the seeds.
+    """Error of every other method minus that of `RESULT`, paired over the seeds.
 
-    People differ more than methods do; the same person cut by two methods shows the difference. `by_seed`: of
-    `errors_by_seed`. Returns `noise_mm`, `method` (the other), `seeds`, `difference_ms`
-    (positive where the result is better), `low_ms`, `high_ms` (95 % confidence interval) and `verdict` on the
-    result.
+    Pairing removes the variation between people, which exceeds that between methods. `by_seed`: from
+    `errors_by_seed`. Returns `noise_mm`, `method` (the other), `seeds`, `difference_ms` (positive if `RESULT`
+    is better), `low_ms`, `high_ms` (95 % confidence interval) and `verdict` on `RESULT`.
     """
     wide = by_seed.pivot_table(index=["noise_mm", "seed"], columns="method", values="error_ms")
     rows = []
@@ -183,7 +181,7 @@ def paired_comparison(by_seed: pd.DataFrame) -> pd.DataFrame:
 
 
 def wins_at_every_noise_level(by_level: pd.DataFrame) -> bool:
-    """Whether the result has the smallest of `errors_by_level` at every level with noise, if there is one."""
+    """Whether `RESULT` has the smallest of `errors_by_level` at every level with noise (and there is one)."""
     means = by_level.pivot_table(index="noise_mm", columns="method", values="mean_ms")
     means = means[means.index > 0]
     wins = means.drop(columns=RESULT).min(axis=1) > means[RESULT]
@@ -195,13 +193,13 @@ def alignment_comparison(
     segmentation: Segmentation,
     primitives: Sequence[PrimitiveParameters],
 ) -> pd.DataFrame:
-    """How closely the refined segments lie together, and whether closer than by ordinary least squares.
+    """How close the refined segments are to each other, and whether closer than by ordinary least squares.
 
-    The spread is one number for the whole set, so the test is on the distances from the reference's segment,
-    in pairs over the demonstrations. `segmentation`: of these, with at least one demonstration beside the
-    reference. Returns one row per primitive and method: `primitive`, `method`, `spread_mm`, `distance_mm`
-    (mean over the demonstrations), `gain_mm` (distance by ordinary least squares minus this one, positive
-    where this one is closer), `low_mm`, `high_mm` (95 % confidence interval) and `verdict` on this method.
+    The spread is a single number for the whole set, so the test uses the distances from the reference's
+    segment, paired over the demonstrations (at least one beside the reference). Returns one row per primitive
+    and method: `primitive`, `method`, `spread_mm`, `distance_mm` (mean over the demonstrations), `gain_mm`
+    (distance by ordinary least squares minus this one; positive if this one is closer), `low_mm`, `high_mm`
+    (95 % confidence interval) and `verdict` on this method.
     """
     rows = []
     for primitive in primitives:

@@ -1,6 +1,6 @@
 """Dynamic time warping for point correspondences (algorithm IV.2).
 
-Only two rows of the cost table are kept; the way back needs no more than one byte per cell.
+Only two rows of the cost table are kept; backtracking needs one byte per cell.
 """
 
 import numpy as np
@@ -8,17 +8,17 @@ import numpy as np
 from structlearn.core.compilation import numba
 from structlearn.core.signals import standardise, standardise_together
 
-INSERTION, MATCHING, DELETION = 0, 1, 2  # ties are broken in this order, as the text's list of ancestors
+INSERTION, MATCHING, DELETION = 0, 1, 2  # ties are broken in this order, that of the published ancestors
 
 
 def correspondences(reference: np.ndarray, guess: np.ndarray, one_scale: bool = False) -> np.ndarray:
     """Corresponding samples of two signals: the matching moves of the cheapest warping path.
 
-    Both signals are standardised first; the cost of a pair is the Euclidean distance. As in the text the path
-    is followed back until either signal is at its first sample, so the pair (0, 0) is not listed.
+    Both signals are standardised first; the cost of a pair is the Euclidean distance. As in the text,
+    backtracking stops when either signal is at its first sample, so the pair (0, 0) is not listed.
 
     `reference`: (N,) or (N, D) samples. `guess`: (M,) or (M, D) samples. `one_scale`: standardise all columns
-    by their common variance, so that the noise of one that hardly moves stays small; else each separately.
+    by their common variance, so that noise of a column that hardly moves stays small; else each separately.
     Returns (K, 2) indices into reference and guess, both strictly increasing.
     """
     columns = []
@@ -36,7 +36,7 @@ def correspondences(reference: np.ndarray, guess: np.ndarray, one_scale: bool = 
 
 @numba.njit(cache=True, inline="always")
 def _cheapest(insertion: float, matching: float, deletion: float) -> tuple[float, int]:
-    """The smallest of the three ancestors' costs and its move."""
+    """The smallest cost of the three ancestors, and its move."""
     best, move = insertion, INSERTION
     if matching < best:
         best, move = matching, MATCHING
@@ -64,7 +64,7 @@ def _fill_moves_1d(reference: np.ndarray, guess: np.ndarray, moves: np.ndarray) 
 
 @numba.njit(cache=True, fastmath={"contract", "reassoc"})
 def _fill_moves(reference: np.ndarray, guess: np.ndarray, moves: np.ndarray) -> None:
-    """The same for vector signals (N, D) and (M, D)."""
+    """Moves (N, M) of the dynamic programme for vector signals (N, D) and (M, D)."""
     columns, axes = guess.shape
     above = np.full(columns, np.inf)
     distance = np.empty(columns)

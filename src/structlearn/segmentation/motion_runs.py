@@ -1,12 +1,12 @@
-"""Runs of motion: stretches of a demonstration above a threshold of the speed, which may be a primitive.
+"""Runs of motion: stretches of a demonstration with speed above a threshold, the candidates for primitives.
 
-A dip below the threshold may be a pause between two primitives or a hesitation within one; the dip alone does
-not tell. So runs with short dips between them are candidates both alone and joined, and `run_assignment`
-decides.
+A dip below the threshold may be a pause between two primitives or a hesitation within one, and the dip alone
+does not tell. So runs with short dips between them are candidates both separately and joined, and
+`run_assignment` decides.
 
 Start and end of a movement are found by zero-velocity crossing (IV.5, IV.9.1.3). A heavily smoothed speed
 finds the movement, a lightly smoothed one places the cut: heavy smoothing spreads an onset over a tenth of a
-second, light smoothing leaves crossings in the noise of a hand at rest.
+second, while light smoothing leaves crossings in the noise of a resting hand.
 """
 
 from collections.abc import Iterator, Sequence
@@ -20,19 +20,19 @@ from structlearn.readers.demonstration import Demonstration
 from structlearn.segmentation.parameters import AXES, Axis, BoundParameters, SegmentParameters
 
 REST_FRACTION = 0.2
-"""Fraction of the threshold below which the point rests; the descent to the local minimum stops there, since
-within a resting hand it would continue to the next minimum of the noise."""
+"""Fraction of the threshold below which the hand rests. The descent to the local minimum stops there, since
+within a rest it would only follow the noise."""
 
 
 def moving_interval(
     smooth_speed: np.ndarray, speed: np.ndarray, threshold: float, bridge: int, first: int = 0
 ) -> tuple[int, int]:
-    """First and last sample s, e of the largest movement from the sample `first` on.
+    """First and last sample s, e of the largest movement from sample `first` on.
 
-    The run of heavily smoothed speed (T,) above the threshold h that holds its maximum is joined with
-    neighbouring runs across dips of at most `bridge` samples (a hesitation is not an end). From its crossings
-    the cut points descend the lightly smoothed speed (T,) to its local minimum, or to rest. Raises
-    InputError: the speed does not cross the threshold; the caller adds whose speed it is.
+    The run of heavily smoothed speed (T,) above the threshold h that contains its maximum is joined with
+    neighbouring runs across dips of at most `bridge` samples (hesitations). From its crossings, the cut
+    points descend the lightly smoothed speed (T,) to its local minimum or to rest. Raises InputError: the
+    speed does not cross the threshold; the caller adds whose speed it is.
     """
     above = np.flatnonzero(smooth_speed[first:] > threshold) + first
     if len(above) == 0:
@@ -53,7 +53,7 @@ def cut_points(
     """
     s, e = run
     moving = np.flatnonzero(speed[s : e + 1] > threshold)
-    if len(moving) > 0:  # smoothing reaches beyond the movement: come back to the crossing itself
+    if len(moving) > 0:  # smoothing widens the run: return to the crossing itself
         s, e = s + int(moving[0]), s + int(moving[-1])
     return _descend(speed, s, -1, limits[0], rest), _descend(speed, e, +1, limits[1], rest)
 
@@ -66,52 +66,51 @@ def _descend(speed: np.ndarray, sample: int, step: int, limit: int, rest: float)
 
 
 FRACTIONS = (0.05, 0.08, 0.13, 0.18, 0.25)
-"""Of the pace, the thresholds if none is given. Below the first, a hand at rest moves; the last is for pauses
-of a third of a second, in which the smoothed speed does not fall far."""
+"""Default thresholds, relative to the pace. Below the first, a resting hand already moves; the last is for
+pauses of a third of a second, in which the smoothed speed does not fall far."""
 
 LED, STRAYED = 0.02, 0.1
-"""In ways of a candidate: at each of its dips it has come nearer to its end by the first, or is away from its
-start by the second, and likewise backwards. A hesitation lies within a move; what comes back, or hardly
-leaves, is a twitch or the noise of a hand beside one."""
+"""Conditions at each dip of a joined candidate, relative to its path length: it has come nearer to its end by
+the first, or is away from its start by the second, and likewise backwards. A hesitation lies within a move;
+motion that returns, or hardly leaves, is a twitch or noise of a hand beside a move."""
 
-SPARE_RUNS = 8  # kept beyond the number of primitives, the longest; others are noise above a low threshold
+SPARE_RUNS = 8  # longest runs kept beyond the number of primitives; others are noise above a low threshold
 
 
 MOVED = 0.05
-"""Shortest way of a run, in ways of a move, that is other motion beside it, and no sway of a resting hand."""
+"""Shortest run that counts as other motion, not sway of a resting hand, relative to the path of a move."""
 
 
 @dataclass(frozen=True)
 class Motion:
-    """Path and speeds of one axis of one demonstration; T samples."""
+    """Path and speeds along one axis of a demonstration with T samples."""
 
     path: np.ndarray  # (T, D) heavily smoothed, m or rad
-    smooth_speed: np.ndarray  # (T,) of it, m/s or rad/s
+    smooth_speed: np.ndarray  # (T,) heavily smoothed, m/s or rad/s
     speed: np.ndarray  # (T,) lightly smoothed
-    turns: bool  # whether it is a turn in rad
+    turns: bool  # whether the path is a rotation in rad
 
 
 @dataclass(frozen=True)
 class Candidates:
-    """G stretches of one demonstration that may be one primitive."""
+    """G candidate stretches of one demonstration for one primitive."""
 
-    first: np.ndarray  # (G,) sample, where it is cut
+    first: np.ndarray  # (G,) sample of the cut
     last: np.ndarray  # (G,)
-    rested: np.ndarray  # (G,) s of dips that are taken for hesitations
+    rested: np.ndarray  # (G,) s of dips counted as hesitations
     duration: np.ndarray  # (G,) s
-    way: np.ndarray  # (G,) m or rad, along the path
+    way: np.ndarray  # (G,) m or rad, path length
     path: np.ndarray  # (T, D) m or rad, heavily smoothed
-    travelled: np.ndarray  # (T,) way up to a sample, without the drift of a hand at rest
+    travelled: np.ndarray  # (T,) path length up to a sample, without the drift of a resting hand
     runs: np.ndarray  # (R, 2) first and last samples of the runs at the lowest threshold
-    turns: bool  # whether it is a turn in rad
+    turns: bool  # whether the path is a rotation in rad
 
 
 def path(demonstration: Demonstration, axis: Axis) -> np.ndarray:
-    """(T, D) m of the position; of `rot` (T, 3) rad, the rotations from sample to sample added up.
+    """Path along an axis: (T, D) m of the position; for `rot` (T, 3) rad, the sum of sample-to-sample turns.
 
-    The sum of small rotations in the base frame is no orientation, but its derivative is the angular
-    velocity, and it has no half turn at which it would jump. Raises InputError: the orientation is asked for
-    and was not recorded.
+    The sum of small rotations in the base frame is not an orientation, but its derivative is the angular
+    velocity, and it does not jump at half a turn. Raises InputError: the orientation was not recorded.
     """
     if axis != "rot":
         return demonstration.position[:, AXES[axis]]
@@ -127,7 +126,7 @@ def motion(demonstration: Demonstration, axis: Axis, parameters: SegmentParamete
     smooth = signals.low_pass(raw, dt, parameters.guess_cutoff_hz)
     light = signals.low_pass(raw, dt, parameters.cut_cutoff_hz)
     speeds = [np.linalg.norm(signals.derivative(one, dt), axis=1) for one in (smooth, light)]
-    if parameters.assigns_runs:  # the largest movement is found whatever the ends show
+    if parameters.assigns_runs:  # the largest movement is found regardless of the ends
         cutoffs_hz = (parameters.guess_cutoff_hz, parameters.cut_cutoff_hz)
         speeds = [_without_ends(*pair, dt) for pair in zip(speeds, cutoffs_hz, strict=True)]
     smooth_speed, speed = speeds
@@ -135,9 +134,9 @@ def motion(demonstration: Demonstration, axis: Axis, parameters: SegmentParamete
 
 
 def _without_ends(speed: np.ndarray, cutoff_hz: float, dt: float) -> np.ndarray:
-    """A speed limited near a recording's ends to its value half a period of the low-pass inside.
+    """Speed, limited near the ends of a recording to its value half a low-pass period inside.
 
-    At the ends the low-pass sees one side alone and follows its noise: a hand at rest seems to move.
+    At its ends the low-pass is one-sided and follows noise, so that a resting hand seems to move.
     """
     count = min(round(0.5 / (cutoff_hz * dt)), len(speed) - 1)
     limited = speed.copy()
@@ -147,23 +146,23 @@ def _without_ends(speed: np.ndarray, cutoff_hz: float, dt: float) -> np.ndarray:
 
 
 def pace(motions: Sequence[Motion]) -> float:
-    """Speed of the movements of a set of demonstrations, m/s or rad/s: median of the mean along the way.
+    """Typical speed of the movements of a set of demonstrations, m/s or rad/s: median of path-weighted means.
 
-    In an average over the way, not over time, rests and twitches hardly count, however long or quick.
+    Weighting by path instead of time makes rests and twitches almost irrelevant, however long or quick.
     """
     means = [np.sum(one.smooth_speed**2) / max(np.sum(one.smooth_speed), 1e-300) for one in motions]
     return float(np.median(means))
 
 
 def events(demonstration: Demonstration, until: BoundParameters) -> np.ndarray:
-    """Samples (E,) at which a signal passes a value in one direction; InputError if it was not recorded."""
+    """Samples (E,) at which a signal passes a value in one direction. Raises InputError: not recorded."""
     values = _signal(demonstration, until.signal)
     passed = values > until.above if until.above is not None else values < until.below
     return np.flatnonzero(passed[1:] & ~passed[:-1]) + 1
 
 
 def _signal(demonstration: Demonstration, name: str) -> np.ndarray:
-    """(T,) of one of `parameters.BoundParameters`."""
+    """(T,) one of the signals of `parameters.BoundParameters`."""
     if name == "force" and demonstration.wrench is not None:
         return np.linalg.norm(demonstration.wrench[:, :3], axis=1)
     if name == "tactile" and demonstration.tactile is not None:
@@ -181,7 +180,7 @@ def runs_of_motion(
 ) -> np.ndarray:
     """First and last samples (R, 2) of the runs of speed (T,) above a threshold, in order of time.
 
-    `most`: number of runs kept, those of the longest way. `breaks`: samples at which the next run begins.
+    `most`: number of runs kept, the longest. `breaks`: samples at which a new run begins.
     """
     above = smooth_speed > threshold
     starts = above & ~np.append(False, above[:-1])
@@ -197,27 +196,27 @@ def runs_of_motion(
 class Search:
     """Parameters of the search for candidates."""
 
-    thresholds: Sequence[float]  # of the speed, the lowest first
+    thresholds: Sequence[float]  # of the speed, in rising order
     dt: float  # s
     bridge: int  # longest dip in samples that may be a hesitation
-    most: int  # runs that are looked at, see `runs_of_motion`
+    most: int  # number of runs considered, see `runs_of_motion`
     breaks: Sequence[int] = ()  # samples at which runs end, whatever the speed
-    # (E,) samples, at one of which the primitive ends: a candidate reaches on to the first one before the
-    # next run, and is none if there is none. None: it ends where its last run does.
+    # (E,) samples of the events that end the primitive: a candidate extends to the first event before the
+    # next run, and is dropped if there is none. None: it ends with its last run.
     ends: np.ndarray | None = None
-    # samples, at one of which it begins: then whatever moves up to the next of `ends` is a candidate, also
-    # strokes to and fro that lead nowhere
+    # samples of the events that begin it: all motion up to the next of `ends` is then a candidate, including
+    # strokes back and forth
     begins: Sequence[int] | np.ndarray = ()
 
 
 def candidates(moved: Motion, search: Search) -> Candidates:
-    """Runs at every threshold, and neighbouring runs joined, each cut at its ends; there may be none.
+    """Candidates: runs at every threshold, and neighbouring runs joined, each cut at its ends; may be empty.
 
-    Long pauses show at all thresholds, short ones at a high threshold alone.
+    Long pauses show at all thresholds, short ones only at a high threshold.
     """
     step = np.linalg.norm(np.diff(moved.path, axis=0, prepend=moved.path[:1]), axis=1)
     travelled = np.cumsum(np.where(moved.smooth_speed > search.thresholds[0], step, 0.0))
-    rested: dict[tuple[int, int], int] = {}  # by ends, at the threshold at which it rests least
+    rested: dict[tuple[int, int], int] = {}  # by ends: the shortest rest over the thresholds
     for threshold in search.thresholds:
         runs = runs_of_motion(moved.smooth_speed, threshold, search.most, search.breaks)
         for i, j, dips in _joined(runs, search.bridge):
@@ -253,7 +252,7 @@ def _between_events(moved: Motion, search: Search) -> Iterator[tuple[int, int]]:
 
 
 def _joined(runs: np.ndarray, bridge: int) -> Iterator[tuple[int, int, int]]:
-    """First and last run of neighbours with short dips between them, and the total length of the dips."""
+    """First and last run of neighbours joined across short dips, and the total length of the dips."""
     for i in range(len(runs)):
         dips = 0
         for j in range(i, len(runs)):
@@ -265,7 +264,7 @@ def _joined(runs: np.ndarray, bridge: int) -> Iterator[tuple[int, int, int]]:
 
 
 def _leads(path: np.ndarray, travelled: np.ndarray, runs: np.ndarray) -> bool:
-    """Whether joined runs lead somewhere before, and after, each dip between them (`LED`)."""
+    """Whether joined runs make progress before and after each dip between them (`LED`)."""
     start, end = path[runs[0, 0]], path[runs[-1, 1]]
     way = travelled[runs[-1, 1]] - travelled[runs[0, 0]]
     for dips, here, there in ((path[runs[1:, 0]], start, end), (path[runs[:-1, 1]], end, start)):

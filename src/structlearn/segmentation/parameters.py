@@ -1,4 +1,4 @@
-"""Description of the primitives in the demonstrations, and parameters of the cuts."""
+"""Parameters of the segmentation: the primitives in a demonstration, and how they are cut."""
 
 from itertools import pairwise
 from typing import Annotated, Any, Final, Literal
@@ -8,18 +8,18 @@ from pydantic import BeforeValidator, Field, model_validator
 from structlearn.core.params import Name, Parameters
 
 Axis = Literal["x", "y", "z", "xyz", "rot"]
-"""What shows a primitive: the position along an axis or in space, or the orientation (`motion_runs.path`)."""
+"""Signal that shows a primitive: position along an axis or in space, or orientation (`motion_runs.path`)."""
 
-AXES = {"x": [0], "y": [1], "z": [2], "xyz": [0, 1, 2]}  # Columns of the position that show a primitive
+AXES = {"x": [0], "y": [1], "z": [2], "xyz": [0, 1, 2]}  # columns of the position
 
 BETWEEN: Final = "between"
 
 
 class BoundParameters(Parameters):
-    """An event at which a primitive ends: a signal passes a value, from below (`above`) or from above.
+    """An event at which a primitive ends: a signal passes a value, rising (`above`) or falling (`below`).
 
-    The signal is `force`, the size of the wrist's force in N, `tactile`, the largest change of a sensor's
-    counts since the start, or the name of a joint, e.g. a gripper's, in rad or m.
+    The signal is `force`, the magnitude of the wrist's force in N, `tactile`, the largest change of a
+    sensor's counts since the start, or the name of a joint, e.g. of a gripper, in rad or m.
     """
 
     signal: str = Field(min_length=1)
@@ -40,11 +40,11 @@ class PrimitiveParameters(Parameters):
     """Description of one primitive."""
 
     name: Name
-    axis: Literal[Axis, "between"] = "xyz"  # what shows it, or `between`: what lies between its neighbours
-    # speed along the axis above which it moves; None: found from the data (`motion_runs.thresholds`). An
-    # orientation's always is, and what is between has none.
+    axis: Literal[Axis, "between"] = "xyz"  # signal that shows it; `between`: between its neighbours
+    # speed along the axis above which it moves; None: found from the data (`motion_runs.thresholds`). Always
+    # None for orientations and for `between`.
     threshold_m_s: float | None = Field(None, gt=0)
-    until: BoundParameters | None = None  # an event that ends it; None: it ends where its motion does
+    until: BoundParameters | None = None  # event that ends it; None: it ends with its motion
 
     @model_validator(mode="after")
     def _threshold_where_it_means_something(self) -> "PrimitiveParameters":
@@ -56,14 +56,14 @@ class PrimitiveParameters(Parameters):
 
     @property
     def shown_by(self) -> Axis:
-        """The axis that shows it; what lies between its neighbours has none."""
+        """The axis that shows it. Raises ValueError: it lies between its neighbours."""
         if self.axis == BETWEEN:
             raise ValueError(f"'{self.name}' lies between its neighbours: no axis shows it")
         return self.axis
 
 
 def _in_full(primitives: Any) -> Any:
-    """Primitives of which only their number or their names are said, as mappings."""
+    """Primitives given as a number or as names, expanded to mappings."""
     if isinstance(primitives, int) and not isinstance(primitives, bool):
         primitives = [f"move_{place + 1}" for place in range(min(primitives, MOST))]
     if isinstance(primitives, list | tuple):
@@ -71,14 +71,14 @@ def _in_full(primitives: Any) -> Any:
     return primitives
 
 
-MOST = 100  # Primitives of a task; a larger number is a slip
+MOST = 100  # primitives of a task; a larger number suggests a mistake
 
 
 class SegmentParameters(Parameters):
     """Parameters of the segmentation.
 
-    Without a `reference` the first demonstration is cut first, or, where runs of motion are assigned
-    (`assigns_runs`), the one that the others are most like.
+    Without a `reference`, it is the first demonstration or, if runs of motion are assigned
+    (`assigns_runs`), the one most similar to the others.
     """
 
     primitives: Annotated[tuple[PrimitiveParameters, ...], BeforeValidator(_in_full)] = Field(
@@ -109,7 +109,7 @@ class SegmentParameters(Parameters):
 
     @property
     def at_onsets(self) -> bool:
-        """Whether movements end at their extrapolated onsets (`onsets`); as published, at their crossings."""
+        """Whether movements end at extrapolated onsets (`onsets`), instead of at crossings as published."""
         return False
 
     @property

@@ -1,8 +1,8 @@
 """Quality of demonstrations: smoothness, idle time, and distance from the others.
 
 Smoothness is measured by the spectral arc length and the log dimensionless jerk (Balasubramanian et al.
-2015), which do not depend on a movement's size or duration. Nothing is judged by a fixed bound: a
-demonstration is an outlier where it differs from the others of its task.
+2015), which do not depend on a movement's size or duration. There are no fixed bounds: an outlier is a
+demonstration that differs from the others of its task.
 """
 
 from collections.abc import Sequence
@@ -13,20 +13,20 @@ import pandas as pd
 from structlearn.core import signals
 from structlearn.readers.demonstration import Demonstration
 
-CUTOFF_HZ = 10.0  # hands move below it; what is above is noise of the sensor
-NOISE_SHARE = 0.05  # of the largest amplitude, below which the spectrum ends
+CUTOFF_HZ = 10.0  # hands move below it; above is sensor noise
+NOISE_SHARE = 0.05  # of the largest amplitude, below which the spectrum is cut off
 IDLE_SHARE = 0.05  # of the largest speed, below which the hand counts as idle
 OUTLYING = 3.5  # robust z-score (Iglewicz and Hoaglin 1993)
-POINTS = 101  # over normalised time, on which paths are compared
+POINTS = 101  # of normalised time at which paths are compared
 
 MEASURES = ("smoothness", "jerk", "idle_share", "distance_mm")
 
 
 def spectral_arc_length(speed: np.ndarray, dt: float) -> float:
-    """Negative arc length of the normalised amplitude spectrum of a speed profile; nearer to 0 is smoother.
+    """Negative arc length of the normalised amplitude spectrum of a speed profile; closer to 0 is smoother.
 
     `speed` (T,) m/s, not all zero; `dt` s. The spectrum ends at `CUTOFF_HZ`, or where it stays below
-    `NOISE_SHARE` of its largest amplitude. Zero padding makes it dense enough not to depend on the duration.
+    `NOISE_SHARE` of its largest amplitude. Zero padding makes it independent of the duration.
     """
     count = 2 ** (int(np.ceil(np.log2(len(speed)))) + 4)
     amplitude = np.abs(np.fft.rfft(speed, count))
@@ -52,12 +52,12 @@ def log_dimensionless_jerk(position: np.ndarray, dt: float) -> float:
 def quality(
     runs: Sequence[Demonstration], cuts: dict[str, pd.DataFrame], smoothing_hz: float
 ) -> pd.DataFrame:
-    """Measures of every demonstration that was cut, and whether it is an outlier.
+    """Quality measures of every segmented demonstration, and which are outliers.
 
     `cuts`: by primitive in order of time, index demonstration, columns `start_s`, `end_s`. `smoothing_hz`:
-    low-pass of positions before they are differentiated. Returns `demonstration`, `MEASURES` (means over the
+    low-pass of positions before differentiation. Returns `demonstration`, `MEASURES` (means over the
     primitives; `distance_mm` from the mean path of each primitive, relative to its start, over normalised
-    time), `outlier`, the measures that differ, or empty, and `rank` by the mean of the ranks, best first.
+    time), `outlier` (names of outlying measures, or empty) and `rank` by the mean of the ranks, best first.
     """
     paths: dict[str, list[np.ndarray]] = {name: [] for name in cuts}
     rows = []
@@ -70,7 +70,7 @@ def quality(
         for name, table in cuts.items():
             start, end = table.loc[run.name, ["start_s", "end_s"]]
             part = (run.time >= start) & (run.time <= end)
-            if speed[part].max() > 0.0:  # else it only turns
+            if speed[part].max() > 0.0:  # otherwise pure rotation
                 smoothness = spectral_arc_length(speed[part], run.dt)
                 found.append((smoothness, log_dimensionless_jerk(smooth[part], run.dt)))
             moved = smooth[part] - smooth[part][0]
@@ -93,7 +93,7 @@ def quality(
 
 
 def _outliers(table: pd.DataFrame) -> list[str]:
-    """By demonstration, measures whose robust z-score is beyond `OUTLYING`; needs five demonstrations."""
+    """Per demonstration, the measures with a robust z-score beyond `OUTLYING`; needs five demonstrations."""
     if len(table) < 5:
         return [""] * len(table)
     values = table[list(MEASURES)]

@@ -1,9 +1,8 @@
-"""Repeats of a task within one recording, e.g. a teleoperation session, found by its moves.
+"""Split a recording, e.g. a teleoperation session, into repeats of a task, by the pattern of its moves.
 
-Nothing marks where a repeat begins, and a pause between two repeats is like one between two moves. But the
-same moves come again in the same order: the pattern is the row of moves that best explains the way of the
-hand in all recordings. Between repeats the hand may move as it likes (the way back, a second grip), at a
-price.
+Nothing marks where a repeat begins, and a pause between two repeats looks like one between two moves. But the
+moves recur in the same order: the pattern is the sequence of moves that explains most of the hand's path in
+all recordings. Between repeats the hand may move freely (the way back, a second grip), at a price.
 """
 
 from collections.abc import Sequence
@@ -20,26 +19,26 @@ from structlearn.segmentation.parameters import BETWEEN, SegmentParameters
 from structlearn.segmentation.run_assignment import LEFT_OUT, RESTED, Pattern, unlike
 
 PATTERNS = 300
-"""Rows of moves that are tried as the pattern; the work grows with their number."""
+"""Number of sequences tried as the pattern; the work grows with it."""
 
 COVERED = 0.4
-"""Least share of the way that repeats cover; if the task is one move there, the way back is half."""
+"""Least share of the path that repeats cover; for a task of a single move there, half is the way back."""
 
 REST_S = 1.0
-"""Longest rest that is kept before and after a repeat."""
+"""Longest rest kept before and after a repeat."""
 
 COLUMNS = ["recording", "demonstration", "start_s", "end_s", "unlike"]
-"""Recording, name of the repeat as a demonstration, its place in the recording, and how unlike the pattern it
-is (`run_assignment.unlike`, mean of its moves)."""
+"""Recording, name of the repeat as a demonstration, its place in the recording, and its dissimilarity from
+the pattern (`run_assignment.unlike`, mean over its moves)."""
 
 
 def split(
     recordings: Sequence[Demonstration], parameters: SegmentParameters, count: int | None
 ) -> tuple[list[Demonstration], pd.DataFrame]:
-    """Demonstrations of one repeat each, with half the rest between them, and a table of `COLUMNS`.
+    """Demonstrations of one repeat each, including half the adjacent rests, and a table of `COLUMNS`.
 
-    `count`: of the repeats in every recording; None: unknown. Raises InputError: the moves do not repeat, or
-    there are not as many repeats.
+    `count`: number of repeats in every recording; None: unknown. Raises InputError: the moves do not repeat,
+    or the number of repeats differs.
     """
     moved = [motion_runs.motion(one, "xyz", parameters) for one in recordings]
     pace = motion_runs.pace(moved)
@@ -49,7 +48,7 @@ def split(
         candidates.append(_candidates(motion, thresholds, one.dt, round(parameters.bridge_s / one.dt)))
         runs += [_candidates(motion, (threshold,), one.dt, 0) for threshold in thresholds]
     shown = sum(primitive.axis not in ("rot", BETWEEN) for primitive in parameters.primitives)
-    pattern = _best_pattern(candidates, runs, max(1, shown))  # or fewer: two primitives may be one run
+    pattern = _best_pattern(candidates, runs, max(1, shown))  # fewer if two primitives form one run
     moves, longest = pattern.way.shape[1], float(pattern.way.max())
     found = [_repeats(one, pattern) for one in candidates]
     covered = sum(float(one.way[chains].sum()) for one, chains in zip(candidates, found, strict=True))
@@ -85,7 +84,7 @@ def _candidates(motion: Motion, thresholds: Sequence[float], dt: float, bridge: 
 
 
 def _best_pattern(candidates: Sequence[Candidates], runs: Sequence[Candidates], most: int) -> Pattern:
-    """The moves in a row that explain the most of the way in all recordings; the first of equal ones."""
+    """Sequence of moves that explains most of the path in all recordings; the first of equal ones."""
     best, least = None, np.inf
     for moves in range(1, most + 1):
         rows = [
@@ -107,22 +106,22 @@ def _best_pattern(candidates: Sequence[Candidates], runs: Sequence[Candidates], 
 
 
 def _explain(one: Candidates, pattern: Pattern) -> tuple[np.ndarray, np.ndarray]:
-    """Least way that repeats of K patterns leave unexplained, and for the first pattern by which candidates.
+    """Least path that repeats of K patterns leave unexplained, and backtracking for the first pattern.
 
-    A move between repeats costs its way, one within a repeat or before the first `LEFT_OUT` times that; a
-    move of the pattern costs how unlike it is, times the way of a mean move or its own. As the former are
-    sums along the way, the best predecessor of a candidate is a running minimum.
+    A move between repeats costs its path length, one within a repeat or before the first `LEFT_OUT` times
+    that; a move of the pattern costs its dissimilarity times the mean move's path length or its own. Since
+    the former are sums along the path, the best predecessor of a candidate is a running minimum.
 
-    Returns (K,) m.   (P + 1, G) candidate before each as the pattern's move, -1 for none; in the last row
+    Returns (K,) m.   (P + 1, G) candidate before each as the pattern's move, -1 for none; the last row holds
     the one that ends the last repeat.
     """
     moves, count = len(pattern.displacement), len(one.first)
     way = np.maximum(pattern.mean_way[:, :1], one.way)
     price = np.array([way * (unlike(one, pattern, place) + RESTED * one.rested) for place in range(moves)])
-    inside = np.where(np.arange(moves) < moves - 1, LEFT_OUT, 1.0)[:, None]  # after each move
+    inside = np.where(np.arange(moves) < moves - 1, LEFT_OUT, 1.0)[:, None]  # price after each move
     cost = np.empty((moves, len(pattern.way), count))
-    best = np.full((moves, len(pattern.way)), np.inf)  # of what has ended, without the way up to there
-    start = np.full(len(pattern.way), np.inf)  # the same of whole repeats
+    best = np.full((moves, len(pattern.way)), np.inf)  # least cost after a move, minus the path up to there
+    start = np.full(len(pattern.way), np.inf)  # the same for whole repeats
     last, before = np.full(moves, -1), np.full((moves + 1, count), -1)
     whole, ended, order = -1, 0, np.argsort(one.last, kind="stable")
     for at in range(count):
@@ -156,7 +155,7 @@ def _repeats(one: Candidates, pattern: Pattern) -> np.ndarray:
 
 
 def _with_rests(one: Candidates, chain: np.ndarray, moved: float, most: int) -> tuple[int, int]:
-    """First and last sample of a repeat with half the rest, at most `most` samples, on either side."""
+    """First and last sample of a repeat with half the adjacent rests, at most `most` samples each."""
     first, last = int(one.first[chain[0]]), int(one.last[chain[-1]])
     runs = one.runs[np.diff(one.travelled[one.runs])[:, 0] > moved]
     earlier, later = runs[runs[:, 1] <= first, 1], runs[runs[:, 0] >= last, 0]
@@ -178,7 +177,7 @@ def _part(recording: Demonstration, name: str, first: int, last: int) -> Demonst
 
 
 def _times(recording: Demonstration, one: Candidates, chains: np.ndarray) -> str:
-    """Repeats in words."""
+    """Number and times of repeats as text."""
     ends = [(one.first[chain[0]], one.last[chain[-1]]) for chain in chains]
     times = ", ".join(f"{recording.time[a]:.1f}-{recording.time[b]:.1f}" for a, b in ends)
     return f"{len(chains)} repeats of the task{f' ({times} s)' if times else ''}"

@@ -1,10 +1,10 @@
-"""Assignment of runs of motion to the primitives of a task, by one choice over all demonstrations.
+"""Assignment of runs of motion to the primitives of a task, jointly over all demonstrations.
 
-Only the order of the primitives is known, so their looks are learned from the demonstrations: one of them,
-cut in one way, is the pattern, and a candidate costs the more, the less it is like the pattern's primitive in
-duration, way and direction. For a pattern, the cheapest chain of candidates in every demonstration is found
-by dynamic programming. Every demonstration in every way that it could be cut is tried as the pattern; the
-cheapest over all demonstrations is taken, and is the reference.
+Only the order of the primitives is given; their shape is learned from the demonstrations. One demonstration,
+cut in one way, is the pattern, and a candidate's cost grows with its difference from the pattern's primitive
+in duration, path length and direction. For a given pattern, dynamic programming finds the cheapest chain of
+candidates in every demonstration. Every way to cut every demonstration is tried as the pattern; the one with
+the least total cost is taken, and its demonstration is the reference.
 
 Motion may be left out (a twitch) and dips may be bridged (a hesitation), both at a price.
 """
@@ -17,36 +17,36 @@ import numpy as np
 
 from structlearn.segmentation.motion_runs import Candidates
 
-LEFT_OUT = 1.5  # Price of motion that belongs to no primitive, per mean way of a primitive
+LEFT_OUT = 1.5  # price of motion outside all primitives, per mean path length of a primitive
 DISPLACED = 2.0
-"""Further price of left-out motion per way of its displacement: a twitch comes back, and motion that leads on
-to where the next primitive starts is probably part of one."""
+"""Further price of left-out motion, by its displacement: a twitch returns, whereas motion that leads to the
+start of the next primitive is probably part of one."""
 
-HASTE = 0.5  # Weight of the duration: people repeat where they go more exactly than how fast
+HASTE = 0.5  # weight of the duration: people repeat paths more exactly than timing
 RESTED = 1.0
-"""Price per s of a dip taken for a hesitation: the longer it is, the more likely it is a pause."""
+"""Price per s of a dip counted as a hesitation: the longer, the more likely it is a pause."""
 
 MISSING = 3.0
-"""Cost beyond which a candidate is not the pattern's primitive: a twitch in place of a move, or one of
-opposite direction and of another length."""
+"""Cost above which a candidate is not the pattern's primitive: a twitch instead of a move, or a move in the
+opposite direction with another length."""
 
 OVERLAP = 0.3
-"""Share of the shorter of two neighbours on different axes in which both may move: the hand often turns
-before it has arrived. Motion along one axis belongs to one primitive."""
+"""Allowed overlap of neighbours on different axes, relative to the shorter one: the hand often turns before
+it has arrived. Motion along one axis belongs to a single primitive."""
 
 PATTERNS, FEWEST = 1200, 10
-"""Ways to cut that are tried as the pattern in total, and at least of each demonstration: the cheapest ones
+"""Number of ways to cut that are tried as the pattern, in total and at least per demonstration: the cheapest
 by the prices above. The work grows with their number times that of the demonstrations."""
 
 
 @dataclass(frozen=True)
 class Chosen:
-    """The candidates that are the P primitives of one demonstration."""
+    """Candidates chosen as the P primitives of one demonstration."""
 
-    chain: np.ndarray  # (P,) which candidates
-    costs: np.ndarray  # (P,) how unlike the pattern they are
-    # (P + 1,) motion before each primitive and after the last one that belongs to none (`LEFT_OUT`), in ways
-    # of a mean primitive of the pattern
+    chain: np.ndarray  # (P,) indices of the candidates
+    costs: np.ndarray  # (P,) dissimilarity from the pattern
+    # (P + 1,) unassigned motion before each primitive and after the last (`LEFT_OUT`), relative to a mean
+    # primitive of the pattern
     left_out: np.ndarray
 
 
@@ -55,8 +55,8 @@ class Assignment:
     """The cheapest choice over all demonstrations."""
 
     reference: int  # index of the demonstration that is the pattern
-    chosen: list[Chosen | None]  # of each demonstration; None where it has no such chain
-    total: float  # price; to compare choices among other candidates
+    chosen: list[Chosen | None]  # per demonstration; None if it has no such chain
+    total: float  # price, comparable between sets of candidates
 
 
 @dataclass(frozen=True)
@@ -66,7 +66,7 @@ class Pattern:
     duration: np.ndarray  # (K, P) s
     way: np.ndarray  # (K, P)
     displacement: list[np.ndarray]  # P of (K, D)
-    turns: np.ndarray  # (P,) whether ways are in rad
+    turns: np.ndarray  # (P,) mask: path in rad
 
     @classmethod
     def of(cls, picked: Sequence[Sequence[tuple[Candidates, int]]]) -> Self:
@@ -83,7 +83,7 @@ class Pattern:
 
     @property
     def mean_way(self) -> np.ndarray:
-        """(K, P) of the primitives of the same unit."""
+        """(K, P) mean path length over the primitives with the same unit."""
         same = self.turns[:, None] == self.turns
         return self.way @ (same / same.sum(axis=0))
 
@@ -93,9 +93,9 @@ def assign(
 ) -> Assignment | None:
     """The cheapest assignment over all demonstrations.
 
-    `demonstrations`: of each, the candidates for its P primitives in order of time. `between`: (P,) whether
-    what lies before a primitive is a primitive too, which may move as it likes. None if no demonstration that
-    may be the reference has a chain of candidates.
+    `demonstrations`: per demonstration, the candidates for its P primitives in order of time. `between`: (P,)
+    mask: a primitive without an axis precedes, in which any motion is free. None if no demonstration among
+    the references has a chain of candidates.
     """
     gaps = [_gaps(primitives, between) for primitives in demonstrations]
     most = max(PATTERNS // len(references), FEWEST)
@@ -135,10 +135,10 @@ def _chosen(
 
 
 def _gaps(primitives: Sequence[Candidates], between: Sequence[bool]) -> list[np.ndarray]:
-    """Motion before each primitive along its own axis, and after the last one: `_left_out`.
+    """Cost (`_left_out`) of motion before each primitive along its own axis, and after the last one.
 
-    Returns P + 1 tables: (1, G) before the first, (G of the one before, G) between, inf where the order is
-    wrong, (G, 1) after the last.
+    Returns P + 1 tables: (1, G) before the first, (G before, G after) between, inf for the wrong order, (G,
+    1) after the last.
     """
     first, last = primitives[0], primitives[-1]
     tables = [_left_out(first, np.zeros(1, dtype=int), first.first)]
@@ -153,7 +153,7 @@ def _gaps(primitives: Sequence[Candidates], between: Sequence[bool]) -> list[np.
 
 
 def _left_out(one: Candidates, since: np.ndarray, until: np.ndarray) -> np.ndarray:
-    """(S, U) way along one axis from samples (S,) to samples (U,), and `DISPLACED` times its displacement."""
+    """(S, U) path length along one axis from samples (S,) to samples (U,), plus `DISPLACED` displacements."""
     way = np.maximum(one.travelled[until][None] - one.travelled[since][:, None], 0.0)
     apart = np.linalg.norm(one.path[until][None] - one.path[since][:, None], axis=2)
     return way + DISPLACED * np.minimum(apart, way)
@@ -162,7 +162,7 @@ def _left_out(one: Candidates, since: np.ndarray, until: np.ndarray) -> np.ndarr
 def _chains(
     primitives: Sequence[Candidates], gaps: Sequence[np.ndarray], most: int
 ) -> tuple[list[np.ndarray], list[float]]:
-    """The cheapest ways to cut a demonstration, and their prices, by what is left out and rested alone."""
+    """Cheapest cuts of a demonstration and their costs, counting only left-out motion and dips."""
     ways = np.array([one.travelled[-1] for one in primitives])
     alike = [sum(one.turns == other.turns for other in primitives) for one in primitives]
     price = LEFT_OUT * np.array(alike) / np.maximum(ways, np.finfo(float).tiny)
@@ -179,9 +179,9 @@ def _chains(
 
 
 def unlike(one: Candidates, pattern: Pattern, place: int) -> np.ndarray:
-    """(K, G) how unlike a pattern's primitive each candidate is: 0 for an equal one.
+    """(K, G) dissimilarity of each candidate from each pattern's primitive; 0 if equal.
 
-    The logarithms of the ratios of duration and way, and the distance of the displacements in ways.
+    Combines the log ratios of duration and path length, and the distance of the displacements.
     """
     way = pattern.way[:, place, None]
     displacement = one.path[one.last] - one.path[one.first]
@@ -194,9 +194,9 @@ def unlike(one: Candidates, pattern: Pattern, place: int) -> np.ndarray:
 def _cheapest(
     primitives: Sequence[Candidates], gaps: Sequence[np.ndarray], pattern: Pattern
 ) -> tuple[np.ndarray, np.ndarray | None]:
-    """Cost of the cheapest chain of candidates for each pattern, and for the first pattern that chain.
+    """Cost (K,) of the cheapest chain of candidates for each pattern, and the first pattern's chain.
 
-    Returns (K,) costs, inf where there is none.   (P,) candidates, or None.
+    Costs are inf if there is no chain; the chain is (P,) candidates, or None.
     """
     price = LEFT_OUT / pattern.mean_way  # (K, P)
     best, ways_back = np.zeros((len(price), 1)), []

@@ -1,11 +1,11 @@
 """Semi-automatic segmentation of demonstrations into primitives (algorithm IV.1, IV.9.2).
 
-One demonstration is the reference, cut by zero-velocity crossing. The others are guessed in the same way and
-then refined by aligning them with the reference. All estimates are kept for comparison: the crossing alone
+One demonstration is the reference, cut by zero-velocity crossing. The others are first cut in the same way,
+then refined by alignment with the reference. All estimates are kept for comparison: the crossing alone
 (`zvc`), the samples that time warping assigns to the reference's ends (`dtw`), ordinary (`ls`) and weighted
 (`wls_published`) least squares as printed, and the result, weighted least squares with the crossings as
-further correspondences (`wls`). Tasks on recorded data take extrapolated onsets (`onsets`) in place of all
-crossings.
+additional correspondences (`wls`). Tasks on recorded data replace all crossings by extrapolated onsets
+(`onsets`).
 """
 
 from collections.abc import Sequence
@@ -30,14 +30,14 @@ from structlearn.segmentation.parameters import BETWEEN, SegmentParameters
 class Segmentation:
     """All cuts of a set of demonstrations."""
 
-    # one row per demonstration, primitive and method; times since the start of the demonstration. Columns of
+    # one row per demonstration, primitive and method; times since the start of the demonstration; columns of
     # all tables: `COLUMNS`
     cuts: pd.DataFrame
     pairs: pd.DataFrame  # one row per correspondence; times since the start of either demonstration
-    left_out: pd.DataFrame  # those that could not be cut
+    left_out: pd.DataFrame  # demonstrations that could not be cut
     warnings: pd.DataFrame  # of poor cuts (`alignment.cut_warnings`)
     reference: str  # name of the reference demonstration
-    cells: int = 0  # of all warping tables; not kept on disk
+    cells: int = 0  # total size of the warping tables; not kept on disk
 
     @property
     def primitives(self) -> list[str]:
@@ -46,11 +46,11 @@ class Segmentation:
 
     @property
     def results(self) -> dict[str, pd.DataFrame]:
-        """The final cuts of every primitive, in order of time: what primitives are learned from."""
+        """The final cuts of every primitive, in order of time, to learn primitives from."""
         return {name: self.result(name) for name in self.primitives}
 
     def result(self, primitive: str, method: str = RESULT) -> pd.DataFrame:
-        """Cuts of one primitive by one method; the reference has its crossing. Index: demonstration."""
+        """Cuts of one primitive by one method (the reference's are its crossing); index: demonstration."""
         chosen = self.cuts[(self.cuts["primitive"] == primitive) & (self.cuts["method"] == method)]
         return chosen.set_index("demonstration")
 
@@ -65,7 +65,7 @@ def write_segmentation(segmentation: Segmentation, folder: str | Path) -> None:
 
 
 def read_segmentation(folder: str | Path) -> Segmentation:
-    """Read a segmentation. Raises InputError: a table is missing, not readable or another one."""
+    """Read a segmentation. Raises InputError: a table is missing, unreadable or has other columns."""
     paths = {name: Path(folder, f"{name}.parquet") for name in COLUMNS}
     tables = {name: read_table(path, COLUMNS[name]) for name, path in paths.items()}
     reference = tables.pop("reference")["reference"]
@@ -83,14 +83,14 @@ COLUMNS = {
     "warnings": tuple(WARNING_COLUMNS),
     "reference": ("reference",),
 }
-"""Of the tables, by file."""
+"""Columns of the tables, by file."""
 
 
 def cut(demonstrations: Sequence[Demonstration], parameters: SegmentParameters) -> Segmentation:
     """Cut demonstrations into primitives.
 
-    Raises InputError: there is no demonstration of the reference's name, the sampling intervals differ, the
-    reference cannot be cut, or another cannot and failures are not to be skipped; or, if runs are assigned to
+    Raises InputError: no demonstration has the reference's name, sampling intervals differ, the reference
+    cannot be cut, another one cannot and failures are not to be skipped, or, if runs are assigned to
     primitives (`assigns_runs`), most cannot.
     """
     first = demonstrations[0]
@@ -141,7 +141,7 @@ def cut(demonstrations: Sequence[Demonstration], parameters: SegmentParameters) 
 def _movements(
     demonstration: Demonstration, found: Crossings | InputError, parameters: SegmentParameters
 ) -> dict[str, Movement]:
-    """Signals to align of every primitive with an axis; raises the reason if there are no crossings."""
+    """Signals to align, per primitive with an axis; raises the reason if there are no crossings."""
     if isinstance(found, InputError):
         raise found
     dt, movements = demonstration.dt, {}
@@ -155,7 +155,7 @@ def _movements(
 def _cut_rows(
     demonstration: Demonstration, refined: dict[str, Refined], parameters: SegmentParameters
 ) -> pd.DataFrame:
-    """Rows of `Segmentation.cuts`, with the primitives in between filled in, clipped to the recording."""
+    """Rows of `Segmentation.cuts`, clipped to the recording, with `between` primitives filled in."""
     dt, duration = demonstration.dt, demonstration.time[-1]
     rows = []
     for method in METHODS:
@@ -177,7 +177,6 @@ def _cut_rows(
 
 
 def _pair_rows(demonstration: str, primitive: str, one: Refined) -> pd.DataFrame:
-    """Rows of `Segmentation.pairs`."""
     reference_s, guess_s = one.reference.dt * one.pairs[:, 0], one.own.dt * one.pairs[:, 1]
     columns = (demonstration, primitive, reference_s, guess_s, one.weights)
     return pd.DataFrame(dict(zip(PAIR_COLUMNS, columns, strict=True)))
@@ -199,10 +198,10 @@ def commanded_cuts(runs: Sequence[Demonstration], names: Sequence[str]) -> dict[
 def execution_cuts(
     runs: Sequence[Demonstration], names: Sequence[str], parameters: SegmentParameters
 ) -> dict[str, pd.DataFrame]:
-    """Segments of executions as `commanded_cuts`; if some have no commanded ones, those that cutting finds.
+    """Segments of executions as `commanded_cuts` or, if a run has no commanded segments, by segmentation.
 
-    `parameters`: of the cutting. Their reference is a demonstration, so the first run stands in for it; none
-    may be left out. Raises InputError: a run without commanded segments cannot be cut.
+    `parameters`: of the segmentation. The first run stands in for its reference, a demonstration; failures
+    raise. Raises InputError: a run without commanded segments cannot be cut.
     """
     if all(run.true_segments is not None and len(run.true_segments) == len(names) for run in runs):
         return commanded_cuts(runs, names)

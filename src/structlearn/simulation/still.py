@@ -108,7 +108,7 @@ def _add(client: Any, solid: Solid) -> None:
     client.createMultiBody(
         baseVisualShapeIndex=shape,
         basePosition=list(map(float, solid.position)),
-        baseOrientation=[*vector, w],  # PyBullet's are scalar-last
+        baseOrientation=[*vector, w],  # PyBullet's quaternions are scalar-last
     )
 
 

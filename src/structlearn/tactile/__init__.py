@@ -1,6 +1,6 @@
 """Touch on a skin with electrodes: samples, contact points, geodesics, latent space and its dynamics.
 
-Public names are listed in the stub beside this file and loaded on first use.
+The public names are in the stub beside this file; their modules load on first use.
 """
 
 import lazy_loader

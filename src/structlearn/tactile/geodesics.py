@@ -1,12 +1,13 @@
 """Geodesic distances on a skin, from contact points alone (II.3.3, eq. II.3).
 
-Nearest neighbours among the points of contact are joined by straight edges, and the shortest path over edges
-is the distance; nothing is assumed of the skin's shape. A matrix for all samples would be too large, so they
-are split into random bins, each with its own matrix.
+Nearest neighbours among the contact points are joined by straight edges, and the distance of two points is
+the length of the shortest path over edges; nothing is assumed about the skin's shape. A matrix for all
+samples would be too large, so they are split into random bins, each with its own matrix.
 
-All pairs are wanted and edges are short, so points are eliminated one by one along the skin: a point leaves
-edges between its about a hundred neighbours ahead, as long as the way over it, and a row of distances is the
-minimum of their rows, each shifted by an edge. Dijkstra's algorithm takes five times as long.
+All pairs are needed and edges are short, so points are eliminated one by one along the skin. Eliminating a
+point adds edges between its roughly one hundred neighbours ahead, as long as the path through it, and its row
+of distances is the minimum over the neighbours' rows, each shifted by an edge. Dijkstra's algorithm takes
+five times as long.
 """
 
 from dataclasses import dataclass
@@ -25,7 +26,7 @@ from structlearn.core.parallel import parallel_map
 from structlearn.tactile.latent_parameters import GeodesicParameters
 
 FILE_UNIT = 1e-6  # m per unit of a file: 16 bits hold 65 mm, in half the space of float32
-SHORTEST_EDGE = 1e-9  # m, between samples at the same point: in a sparse matrix zero means no edge
+SHORTEST_EDGE = 1e-9  # m, between coincident samples: zero means no edge in a sparse matrix
 
 
 @dataclass(frozen=True)
@@ -37,10 +38,10 @@ class Geodesics:
 
 
 def geodesics(points: np.ndarray, parameters: GeodesicParameters) -> Geodesics:
-    """Distances between contact points (N, 3) m; fewer points than a bin make one smaller bin.
+    """Distances between contact points (N, 3) m, in random bins; too few points make one smaller bin.
 
     Raises InputError: a point is NaN or infinite. Raises MissingInputError: a bin has no more points than
-    neighbours, or patches of it lie farther apart than `bridge_mm`.
+    `neighbours`, or its patches are farther apart than `bridge_mm`.
     """
     if not np.isfinite(points).all():
         raise InputError(f"touch: contact point {np.argwhere(~np.isfinite(points))[0][0]} is not finite")
@@ -66,7 +67,7 @@ def graph_distances(points: np.ndarray, neighbours: int, bridge: float) -> np.nd
     graph = csr_matrix(edges, shape=(len(points), len(points)))
     graph = _bridged(graph.maximum(graph.T), points, bridge)
     _, axes = np.linalg.eigh(np.cov(points.T))
-    order = np.argsort(points @ axes[:, -1], kind="stable")  # along the skin: few points are ahead of each
+    order = np.argsort(points @ axes[:, -1], kind="stable")  # along the skin: each point has few ahead
     distance = np.full(graph.shape, np.inf)
     edge, place = graph.tocoo(), np.argsort(order)
     distance[place[edge.row], place[edge.col]] = edge.data
@@ -76,7 +77,7 @@ def graph_distances(points: np.ndarray, neighbours: int, bridge: float) -> np.nd
 
 
 def write_geodesics(geodesics: Geodesics, path: str | Path) -> None:
-    """Publish upper triangles in whole micrometres; raises ValueError if a distance does not fit."""
+    """Publish upper triangles in whole micrometres. Raises ValueError: a distance does not fit."""
     upper = _upper(geodesics.rows.shape[1])
     packed = np.empty((len(geodesics.rows), upper.sum()), dtype=np.uint16)
     for place, matrix in enumerate(geodesics.distance):
@@ -89,7 +90,7 @@ def write_geodesics(geodesics: Geodesics, path: str | Path) -> None:
 
 
 def read_geodesics(path: str | Path) -> Geodesics:
-    """Read distances; raises InputError if the file is missing, damaged or holds something else."""
+    """Read distances. Raises InputError: the file is missing, damaged or another file."""
     tensors = read_tensors(path)
     if set(tensors) != {"rows", "upper_um"}:
         raise InputError(f"{path}: holds no geodesics")
@@ -103,7 +104,7 @@ def read_geodesics(path: str | Path) -> Geodesics:
 
 
 def _bridged(graph: csr_matrix, points: np.ndarray, bridge: float) -> csr_matrix:
-    """The graph with its patches joined, first the one nearest to the first patch."""
+    """The graph with its patches joined, starting with the one nearest to the first patch."""
     graph = graph.tolil()
     count, label = connected_components(graph, directed=False)
     while count > 1:
@@ -129,7 +130,7 @@ def _upper(size: int) -> np.ndarray:
 
 @numba.njit(cache=True)
 def _shorten(distance: np.ndarray) -> None:
-    """Turn lengths of edges (N, N), symmetric, inf where there is none, into those of the shortest paths."""
+    """Turn edge lengths (N, N), symmetric, inf without an edge, into lengths of shortest paths, in place."""
     count = len(distance)
     ahead, shortest = np.empty(count, dtype=np.int64), np.empty(count)
     for point in range(count):
@@ -139,7 +140,7 @@ def _shorten(distance: np.ndarray) -> None:
             for j in range(neighbours):
                 over = edge + distance[point, ahead[j]]
                 row[ahead[j]] = min(row[ahead[j]], over)
-    for point in range(count - 1, -1, -1):  # from here on all distances between later points are known
+    for point in range(count - 1, -1, -1):  # all distances between later points are known
         shortest[:] = np.inf
         for i in range(_ahead(distance[point], point, ahead)):
             edge, row = distance[point, ahead[i]], distance[ahead[i]]
@@ -152,7 +153,7 @@ def _shorten(distance: np.ndarray) -> None:
 
 @numba.njit(cache=True)
 def _ahead(edges: np.ndarray, point: int, found: np.ndarray) -> int:
-    """Write the later points to which a point has edges (N,); return their number."""
+    """Write the later points that a point has edges to (N,); return their number."""
     count = 0
     for other in range(point + 1, len(edges)):
         if edges[other] < np.inf:

@@ -1,8 +1,8 @@
-"""Training and evaluation of all latent spaces and dynamics, over seeds (II.4.2 to II.4.5).
+"""Training and evaluation of all latent spaces and their dynamics, over seeds (II.4.2 to II.4.5).
 
-The seeds are spread over a few stacks, one process each, always the same seeds together, so that results do
-not depend on the number of cores. Every error is normalised, so that latent spaces of different scales
-compare. Tables are long, one row per model and quantity; `structure` and `seed` name the latent space.
+The seeds are distributed over a few stacks, one process each, always the same seeds together, so that results
+do not depend on the number of cores. Every error is normalised, so that latent spaces of different scales can
+be compared. Tables are long, one row per model and quantity; `structure` and `seed` name the latent space.
 """
 
 from collections.abc import Callable, Mapping, Sequence
@@ -50,19 +50,19 @@ from structlearn.tactile.touch_dataset import (
     touch_units,
 )
 
-# parts of an action whose directions are compared
+# components of an action whose directions are compared
 PARTS = {"translation": slice(0, LINEAR), "rotation": slice(LINEAR, None)}
 SHORTEST = 1e-9  # floor of a norm in a denominator
 
 
 @dataclass(frozen=True)
 class SplitData:
-    """Samples and pairs of one split in the networks' units, to test latent spaces on."""
+    """Samples and pairs of one split in network units, to test latent spaces on."""
 
     signals: Tensor  # (N, E)
     pressure: Tensor  # (N,)
-    first: Tensor  # (K, E) signals of the pairs' first samples
-    second: Tensor  # (K, E) signals of their second ones
+    first: Tensor  # (K, E) signals of each pair's first sample
+    second: Tensor  # (K, E) signals of each pair's second sample
     geodesic: Tensor  # (K,)
 
 
@@ -70,12 +70,12 @@ class SplitData:
 class LatentComparison:
     """Trained models and their scores.
 
-    Tables: `latent`, `forward`, `decoded` and `directions`, see the functions `..._errors`, all but the first
-    on the test split; `latent_map`, see the function; `curve`, key figures of the first three while they
-    trained, on the test split: `step`, `structure`, `seed`, `quantity`, `value`.
+    Tables: `latent`, `forward`, `decoded` and `directions`, see the functions `..._errors` (all but the first
+    on the test split); `latent_map`, see the function; `curve`, key figures of the first three during
+    training, on the test split: `step`, `structure`, `seed`, `quantity`, `value`.
     """
 
-    models: LatentModels  # all of them, of all seeds
+    models: LatentModels  # of all seeds
     units: TouchUnits
     tables: Mapping[str, pd.DataFrame]  # by name
 
@@ -83,8 +83,8 @@ class LatentComparison:
 def learn(dataset: TouchDataset, geodesics: Geodesics, parameters: LatentParameters) -> LatentComparison:
     """Train all models and evaluate them.
 
-    Raises InputError: a split or a bin has too few samples, no contact is long enough for a chain to train on
-    or to test on, or a signal never changes.
+    Raises InputError: a split or a bin has too few samples, no contact is long enough for a chain in training
+    or test, or a signal never changes.
     """
     rng = np.random.default_rng(parameters.training.seed)
     training = _chains(dataset, CHAIN_STEPS, STRIDES, "train")
@@ -153,7 +153,7 @@ def _point(models: LatentModels, split: SplitData, tested: LatentData, penalty: 
 
 
 def _chains(dataset: TouchDataset, length: int, strides: Sequence[int], split: str) -> Chains:
-    """Chains of a split; raises InputError if there are none."""
+    """Chains of a split. Raises InputError: there are none."""
     found = chains(dataset, length, strides, SPLITS[split])
     if not len(found):
         needed = length * min(strides) / float(dataset.rate_hz)
@@ -172,7 +172,7 @@ def split_data(
     count: int,
     rng: np.random.Generator,
 ) -> SplitData:
-    """Samples and random pairs of one split; raises InputError if a bin has fewer than two such samples."""
+    """Samples and random pairs of one split. Raises InputError: a bin has fewer than two of its samples."""
     pairs = draw_pairs(samples.split, geodesics, split, count, rng)
     rows, signals = samples.split == split, units.signals(samples.signals)
     return SplitData(
@@ -188,8 +188,8 @@ def split_data(
 def latent_errors(models: LatentModels, splits: Mapping[str, SplitData]) -> pd.DataFrame:
     """NMSE of the autoencoders.
 
-    Columns: `structure`, `seed`, `split`, `reconstruction` (mean over electrodes), `worst_electrode` (their
-    largest), `distances` (map against geodesic), `pressure`.
+    Columns: `structure`, `seed`, `split`, `reconstruction` (mean over electrodes), `worst_electrode` (largest
+    over electrodes), `distances` (map against geodesic), `pressure`.
     """
     spaces = models.autoencoders
     tables = []
@@ -215,8 +215,8 @@ def forward_errors(models: LatentModels, data: LatentData) -> pd.DataFrame:
     """NMSE of chained predictions, mean over latent dimensions (figure II.4).
 
     Columns: `structure`, `seed`, `forward`, `trained_with`, `steps` (length of the chain), `nmse`, and its
-    parts: `plane`, of the first two dimensions, and `third`, which with structure are the map and the
-    pressure. The forward model `UNCHANGED` predicts that nothing moves.
+    parts: `plane`, the first two dimensions, and `third`; with structure these are the map and the pressure.
+    The forward model `UNCHANGED` predicts no motion.
     """
 
     def errors(found: Tensor, latent: Tensor, steps: int) -> dict[str, Tensor]:
@@ -230,8 +230,8 @@ def forward_errors(models: LatentModels, data: LatentData) -> pd.DataFrame:
 def decoded_errors(models: LatentModels, data: LatentData, units: TouchUnits) -> pd.DataFrame:
     """NMSE of decoded predictions against measured touch: comparable between all latent spaces.
 
-    Columns: `structure`, `seed`, `forward`, `trained_with`, `steps`; NMSE of `electrodes` (mean over these)
-    and of `pressure` p = -mean(s).
+    Columns: `structure`, `seed`, `forward`, `trained_with`, `steps`; NMSE of `electrodes` (their mean) and of
+    `pressure` p = -mean(s).
     """
     scale, mean = (torch.from_numpy(values).float() for values in (units.signal_scale, units.signal_mean))
 
@@ -253,10 +253,11 @@ def decoded_errors(models: LatentModels, data: LatentData, units: TouchUnits) ->
 def direction_errors(models: LatentModels, data: LatentData, penalty: float) -> pd.DataFrame:
     """Cosine distances of the inverse models, weighted by the norm of the true action (figure II.5).
 
-    The action is from the second to the third sample of each chain. Its target is `forward`, what the forward
-    model predicts for the true action, or `encoder`, the latent state that followed; both actions are
-    compared with the true one, and in `agreement` with each other. `penalty`: beta of the inverse models.
-    Columns: `structure`, `seed`, `inverse`, `trained_with`, `comparison`, `part`, `distance` (0 to 2).
+    The action leads from the second to the third sample of each chain. Its target is either `forward`, the
+    forward model's prediction for the true action, or `encoder`, the latent state that followed; both
+    inferred actions are compared with the true one, and in `agreement` with each other. `penalty`: beta of
+    the inverse models. Columns: `structure`, `seed`, `inverse`, `trained_with`, `comparison`, `part`,
+    `distance` (0 to 2).
     """
     latents, actions, time_step = _along_chains(models, data, samples=3)
     step = LatentStep(latents[1], latents[0], actions[0], time_step)
@@ -286,8 +287,8 @@ def direction_errors(models: LatentModels, data: LatentData, penalty: float) -> 
 def latent_map(models: LatentModels, signals: Tensor, dataset: TouchDataset) -> pd.DataFrame:
     """Samples in the latent space of the first seed with structure (figure II.3).
 
-    `signals` (N, E) in the networks' units. Columns: `x`, `y`, `z` in the networks' units; `electrode` (1 to
-    E) with the largest negative change, `split`.
+    `signals` (N, E) in network units. Columns: `x`, `y`, `z` in network units; `electrode` (1 to E) with the
+    largest negative change, `split`.
     """
     first = models.autoencoders.encoder.part(slice(0, 1))
     latent = first.forward(signals.T[None])[0].numpy()
@@ -296,7 +297,7 @@ def latent_map(models: LatentModels, signals: Tensor, dataset: TouchDataset) -> 
 
 
 def _by_model(models: LatentModels, errors: Mapping[str, Tensor], **keys: str | int) -> pd.DataFrame:
-    """A row per autoencoder: `structure`, `seed`, the keys, and errors (M,)."""
+    """One row per autoencoder: `structure`, `seed`, the keys, and errors (M,)."""
     columns = keys | {name: values.tolist() for name, values in errors.items()}
     return pd.DataFrame(models.keys(), columns=["structure", "seed"]).assign(**columns)
 
@@ -304,7 +305,7 @@ def _by_model(models: LatentModels, errors: Mapping[str, Tensor], **keys: str | 
 def _by_prediction(
     models: LatentModels, data: LatentData, errors: Callable[[Tensor, Tensor, int], Mapping[str, Tensor]]
 ) -> pd.DataFrame:
-    """Errors by forward model and length of the chain, of a prediction and the latent state (M, 3, B)."""
+    """Errors by forward model and chain length, computed from predicted and actual latent state (M, 3, B)."""
     latents, actions, time_step = _along_chains(models, data)
     predictions = {(UNCHANGED, NO_INVERSE): latents[:1].expand_as(latents[1:])}
     for forward, ways in TRAINED_WITH.items():
@@ -322,7 +323,7 @@ def _by_prediction(
 def _along_chains(
     models: LatentModels, data: LatentData, samples: int | None = None
 ) -> tuple[Tensor, Tensor, Tensor]:
-    """Latent states (C + 1, M, 3, B), actions (C, M, 6, B) and time steps (B,) of the first samples."""
+    """Latent states (C + 1, M, 3, B), actions (C, M, 6, B) and time steps (B,) of chains up to `samples`."""
     rows = data.chains[:, :samples]
     latents = encoded(models, data.signals, rows.expand(len(models.seeds), -1, -1))
     actions = data.actions[:, : rows.shape[1] - 1].permute(1, 2, 0)[:, None]
@@ -335,7 +336,7 @@ def _nmse(prediction: Tensor, target: Tensor) -> Tensor:
 
 
 def _cosine_distance(found: Tensor, wanted: Tensor, weight: Tensor) -> Tensor:
-    """1 - cosine between vectors (M, D, B), its weighted mean over samples (M,)."""
+    """Weighted mean (M,) over samples of 1 - cosine between vectors (M, D, B)."""
     norms = found.norm(dim=1).clamp_min(SHORTEST) * wanted.norm(dim=1).clamp_min(SHORTEST)
     cosine = (found * wanted).sum(dim=1) / norms
     return (weight * (1.0 - cosine)).sum(dim=-1) / weight.sum(dim=-1)

@@ -1,4 +1,4 @@
-"""Dynamics of the latent state: what an action does to map point and pressure, and which action to take.
+"""Dynamics of the latent state: forward models of an action's effect, and inverse models for actions.
 
 Forward (II.3.4):
 
@@ -6,14 +6,14 @@ Forward (II.3.4):
     locally linear:  zd = A(z) z + B(z) a + c(z),  A, B, c by a network of z      (eq. II.8, II.9)
     non-linear:      zd = network of [z, a]                                       (eq. II.10)
 
-Inverse (II.3.5): the action that brings the touch closer to a target, by the parameters of the forward model:
+Inverse (II.3.5): the action that brings the touch closer to a target, from the forward model's parameters:
 
     locally linear (LL):      minimise |z_T - z_t+1|^2 / 2 + penalty |a|^2 / 2 in closed form (appendix A)
     negative gradient (NG):   a = -d |f(z, a) - z_T|^2 / da at a = 0, up to a positive factor
-    network's Jacobian (NJ):  LL with the non-linear model linearised about the step before
+    network's Jacobian (NJ):  LL with the non-linear model linearised about the previous step
 
-Beyond the dissertation, the same problem for several steps ahead (`receding_horizon_action`).
-Tensors are (M, D, B): models, components, samples.
+Beyond the dissertation: the same problem over several steps (`receding_horizon_action`). Tensors are
+(M, D, B): models, components, samples.
 """
 
 from collections.abc import Sequence
@@ -26,7 +26,7 @@ from torch import Tensor
 from structlearn.networks.stacked_layers import StackedLayers
 from structlearn.tactile.latent_parameters import LATENT, NEGATIVE_GRADIENT
 
-ACTION = 6  # components of the action of a finger that also turns; a skin that is only pressed has fewer (K)
+ACTION = 6  # components K of an action that translates and rotates; fewer for a skin that is only pressed
 
 
 @dataclass(frozen=True)
@@ -49,12 +49,12 @@ class StackedDynamics:
     network: StackedLayers
 
     def part(self, models: slice) -> Self:
-        """Some of the models."""
+        """Subset of the models."""
         return type(self)(self.network.part(models))
 
 
 class LocallyLinearDynamics(StackedDynamics):
-    """M locally linear models, whose networks give the entries of A, B and c."""
+    """M locally linear models, whose networks output the entries of A, B and c."""
 
     @classmethod
     def initial(
@@ -66,7 +66,7 @@ class LocallyLinearDynamics(StackedDynamics):
 
     @property
     def actions(self) -> int:
-        """Components of an action K."""
+        """Number of components K of an action."""
         return self.network.weights[-1].shape[1] // LATENT - LATENT - 1
 
     def affine(self, latent: Tensor) -> AffineDynamics:
@@ -82,7 +82,7 @@ class LocallyLinearDynamics(StackedDynamics):
 
 
 class NonLinearDynamics(StackedDynamics):
-    """M non-linear models of [z, a] with one hidden layer of tanh, whose Jacobians are closed-form."""
+    """M non-linear models of [z, a] with one tanh hidden layer, whose Jacobians are closed-form."""
 
     @classmethod
     def initial(cls, models: int, hidden: int, generator: torch.Generator, actions: int = ACTION) -> Self:
@@ -92,7 +92,7 @@ class NonLinearDynamics(StackedDynamics):
 
     @property
     def actions(self) -> int:
-        """Components of an action K."""
+        """Number of components K of an action."""
         return self.network.weights[0].shape[2] - LATENT
 
     def rate(self, latent: Tensor, action: Tensor) -> Tensor:
@@ -102,7 +102,7 @@ class NonLinearDynamics(StackedDynamics):
     def jacobians(self, latent: Tensor, action: Tensor) -> tuple[Tensor, Tensor]:
         """Jacobians J_z (M, 3, 3, B) and J_a (M, 3, K, B) of zd at (M, 3, B) and (M, K, B) (eq. II.15).
 
-        J = W_2 diag(1 - h^2) W_1 is linear in 1 - h^2, so all its entries are one matrix product.
+        J = W_2 diag(1 - h^2) W_1 is linear in 1 - h^2, so all entries come from one matrix product.
         """
         first, second = self.network.weights
         slope = 1.0 - self.network.activations(torch.cat([latent, action], dim=1))[-1].square()
@@ -115,9 +115,9 @@ ForwardDynamics = LocallyLinearDynamics | NonLinearDynamics
 
 
 def chained(dynamics: ForwardDynamics, latent: Tensor, actions: Tensor, time_step: Tensor) -> Tensor:
-    """Latent states (C, M, 3, B) predicted from (M, 3, B) by successive actions (C, M, K, B) (II.3.4).
+    """Latent states (C, M, 3, B) predicted from (M, 3, B) under successive actions (C, M, K, B) (II.3.4).
 
-    `time_step` (B,) or (M, 1, B) s, per step.
+    `time_step` (B,) or (M, 1, B) s per step.
     """
     predicted = []
     for action in actions:
@@ -133,12 +133,12 @@ def applied(matrix: Tensor, vector: Tensor) -> Tensor:
 
 @dataclass(frozen=True)
 class LatentStep:
-    """State at which an action is chosen, and the step before."""
+    """State at which an action is chosen, and the previous step."""
 
     latent: Tensor  # (M, 3, B) z_t
     previous_latent: Tensor  # (M, 3, B) z_t-1
     previous_action: Tensor  # (M, K, B) a_t-1
-    time_step: Tensor  # (B,) or (M, 1, B) s, of the step before and the step to come
+    time_step: Tensor  # (B,) or (M, 1, B) s, of the previous and the next step
 
 
 def inferred_action(
@@ -146,8 +146,8 @@ def inferred_action(
 ) -> Tensor:
     """Action (M, K, B) of an inverse model for a target z_T (M, 3, B) (eq. II.21).
 
-    `inverse`: `LOCALLY_LINEAR`, of locally linear dynamics; `NEGATIVE_GRADIENT` or `JACOBIAN`, of non-linear
-    ones; `penalty`: beta > 0, not of NG.
+    `inverse`: `LOCALLY_LINEAR` for locally linear dynamics, `NEGATIVE_GRADIENT` or `JACOBIAN` for non-linear
+    ones; `penalty`: beta > 0, unused by NG.
     """
     if inverse == NEGATIVE_GRADIENT:
         assert isinstance(dynamics, NonLinearDynamics)
@@ -156,7 +156,7 @@ def inferred_action(
 
 
 def affine_dynamics(dynamics: ForwardDynamics, step: LatentStep) -> AffineDynamics:
-    """Affine model that `LOCALLY_LINEAR` or `JACOBIAN` use at a step."""
+    """Affine model that `LOCALLY_LINEAR` or `JACOBIAN` uses at a step."""
     if isinstance(dynamics, LocallyLinearDynamics):
         return dynamics.affine(step.latent)
     return linearised(dynamics, step)
@@ -182,7 +182,7 @@ def linearised(dynamics: NonLinearDynamics, step: LatentStep) -> AffineDynamics:
         zd = (z_t - z_t-1) / dt + J_z (z - z_t-1) + J_a (a - a_t-1)                (eq. II.16)
 
     At z = z_t this is eq. II.17 and II.18, whose A = 1 / dt + J_z contains the first term. This form is also
-    valid at later states, as a longer horizon needs.
+    valid at later states, which a longer horizon needs.
     """
     by_latent, by_action = dynamics.jacobians(step.previous_latent, step.previous_action)
     rate = (step.latent - step.previous_latent) / step.time_step
@@ -203,17 +203,17 @@ def negative_gradient(
 def receding_horizon_action(
     dynamics: AffineDynamics, latent: Tensor, target: Tensor, time_step: Tensor, penalty: float, horizon: int
 ) -> Tensor:
-    """First action of the optimal sequence for several steps; with one step it is `optimal_action`.
+    """First action of the optimal sequence over several steps; for one step it is `optimal_action`.
 
     Minimises sum_k |z_T - z_k|^2 / 2 + penalty sum_k |a_k|^2 / 2 over k = 1..H steps of the same dynamics.
-    The states are an affine function of all actions, z = free + G a, so the solution has the form of
-    appendix A: a = G^T (G G^T + penalty 1)^-1 (z_T - free). `latent`, `target` (M, 3, B); `time_step` s.
+    The states are affine in all actions, z = free + G a, so the solution has the form of appendix A:
+    a = G^T (G G^T + penalty 1)^-1 (z_T - free). `latent`, `target` (M, 3, B); `time_step` s.
     """
     state = dynamics.state.permute(0, 3, 1, 2) * time_step + torch.eye(LATENT, dtype=latent.dtype)
     action = dynamics.action.permute(0, 3, 1, 2) * time_step  # (M, B, 3, K)
     constant = dynamics.constant.transpose(1, 2)[..., None] * time_step
     free, goal = latent.transpose(1, 2)[..., None], target.transpose(1, 2)[..., None]
-    missing, blocks = [], [action]  # blocks[k]: effect of an action after k more steps
+    missing, blocks = [], [action]  # blocks[k]: effect of an action k steps later
     for _ in range(horizon):
         free = state @ free + constant
         missing.append(goal - free)
@@ -230,7 +230,7 @@ def receding_horizon_action(
 
 
 def _solved(matrix: Tensor, vector: Tensor) -> Tensor:
-    """S^-1 v by cofactors, for symmetric (M, 3, 3, B) and (M, 3, B): faster than the library's solver."""
+    """S^-1 v by cofactors, for symmetric (M, 3, 3, B) and (M, 3, B); faster than the library's solver."""
     first, second, third = matrix.unbind(dim=1)
     pairs = ((second, third), (third, first), (first, second))
     cofactors = [torch.linalg.cross(*pair, dim=1) for pair in pairs]

@@ -1,8 +1,8 @@
 """Latent spaces with and without structure, and their dynamics: stacks of networks and their files.
 
-A stack holds all models of some seeds. Its autoencoders run over structures, and within each over the seeds.
-Each forward model has one stack: over the ways to train it, and within each over the autoencoders. A file
-also holds the units of the networks.
+A stack holds all models of some seeds. Its autoencoders are ordered by structure, then by seed. The models of
+each kind of dynamics are ordered by the way they are trained, then as the autoencoders. A file also holds the
+units of the networks.
 
 The autoencoders' code is a flat map of the skin and the pressure (II.3.2, II.3.3):
 
@@ -52,7 +52,7 @@ class StackedAutoencoders:
     """M autoencoders with batch normalisation (II.4.1.3)."""
 
     encoder: StackedLayers  # (M, E, B) signals -> (M, 3, B) latent states
-    decoder: StackedLayers  # the way back
+    decoder: StackedLayers  # (M, 3, B) latent states -> (M, E, B) signals
 
     @classmethod
     def initial(cls, models: int, electrodes: int, hidden: Sequence[int], generator: torch.Generator) -> Self:
@@ -69,7 +69,7 @@ class StackedAutoencoders:
 
 @dataclass(frozen=True)
 class LatentLosses:
-    """The three losses of a batch, means over its samples, per model (M,)."""
+    """The three losses of a batch per model (M,), averaged over its samples."""
 
     reconstruction: Tensor  # L_AER (eq. II.5), mean over electrodes too
     distances: Tensor  # L_MDS (eq. II.3)
@@ -81,7 +81,7 @@ def latent_losses(
 ) -> LatentLosses:
     """Losses of a batch of pairs, for training.
 
-    `signals` (M, E, 2 B): first samples of the pairs, then second ones; `pressure` (M, 2 B) of these;
+    `signals` (M, E, 2 B): first samples of the pairs, then second ones; `pressure` (M, 2 B), likewise;
     `geodesic` (M, B): distances of the pairs on the skin.
     """
     latent = autoencoders.encoder.forward(signals, training=True)
@@ -103,8 +103,8 @@ def map_distance(first: Tensor, second: Tensor) -> Tensor:
 class LatentModels:
     """A stack of latent spaces and their dynamics."""
 
-    seeds: tuple[int, ...]  # numbers of the seeds S; there are M = 2 S autoencoders
-    autoencoders: StackedAutoencoders  # (M) of them
+    seeds: tuple[int, ...]  # S seeds; there are M = 2 S autoencoders
+    autoencoders: StackedAutoencoders  # (M)
     locally_linear: LocallyLinearDynamics  # (2 M) models
     nonlinear: NonLinearDynamics  # (3 M) models
 
@@ -117,7 +117,7 @@ class LatentModels:
         generator: torch.Generator,
         actions: int = ACTION,
     ) -> Self:
-        """Untrained models of E channels and of actions of K components."""
+        """Untrained models for E channels and actions with K components."""
         count = len(STRUCTURES) * len(seeds)
         linear, nonlinear = (count * len(TRAINED_WITH[name]) for name in (LOCALLY_LINEAR, NONLINEAR))
         return cls(
@@ -131,7 +131,7 @@ class LatentModels:
 
     @classmethod
     def joined(cls, stacks: Sequence[Self]) -> Self:
-        """One stack of the seeds of several."""
+        """One stack with the seeds of several."""
         arrays = [stack.to_arrays() for stack in stacks]
         shapes = [(-1, len(stack.seeds)) for stack in stacks]
         joined = {}
@@ -142,7 +142,7 @@ class LatentModels:
 
     @classmethod
     def from_arrays(cls, seeds: Sequence[int], arrays: Mapping[str, Tensor]) -> Self:
-        """The inverse of `to_arrays`; raises KeyError if an array is missing."""
+        """The inverse of `to_arrays`. Raises KeyError: an array is missing."""
         encoder, decoder, *dynamics = (StackedLayers.from_arrays(arrays, f"{name}.") for name in NETWORKS)
         return cls(
             seeds=tuple(seeds),
@@ -168,15 +168,15 @@ class LatentModels:
         return len(STRUCTURES) * len(self.seeds)
 
     def keys(self) -> list[tuple[bool, int]]:
-        """Structure and seed of each autoencoder (M)."""
+        """Structure and seed of each of the M autoencoders."""
         return [(structure, seed) for structure in STRUCTURES for seed in self.seeds]
 
     def structured(self) -> Tensor:
-        """1 where a latent space has structure, 0 elsewhere (M,)."""
+        """(M,) 1 for latent spaces with structure, 0 for others."""
         return torch.tensor([float(structure) for structure, _ in self.keys()])
 
     def for_all(self, values: Tensor) -> Tensor:
-        """Values (S, ...) of the seeds, repeated for every structure (M, ...)."""
+        """Values (S, ...) per seed, repeated for every structure (M, ...)."""
         return values.repeat(len(STRUCTURES), *([1] * (values.dim() - 1)))
 
     def forward_stack(self, forward: str) -> ForwardDynamics:
@@ -184,17 +184,17 @@ class LatentModels:
         return self.locally_linear if forward == LOCALLY_LINEAR else self.nonlinear
 
     def dynamics(self, forward: str, trained_with: str) -> ForwardDynamics:
-        """Forward models (M) of one kind, trained in one way."""
+        """M forward models of one kind, trained in one way."""
         first = TRAINED_WITH[forward].index(trained_with) * len(self)
         return self.forward_stack(forward).part(slice(first, first + len(self)))
 
     def dynamics_parameters(self) -> list[Tensor]:
-        """Parameters of the second optimiser."""
+        """Parameters trained by the second optimiser."""
         return self.locally_linear.network.parameters() + self.nonlinear.network.parameters()
 
 
 class TrainedTouch(NamedTuple):
-    """Trained models of S seeds, and the units of their inputs; dynamics only if they were trained."""
+    """Trained models of S seeds, and the units of their inputs; dynamics may be untrained."""
 
     models: LatentModels
     units: TouchUnits
@@ -213,7 +213,7 @@ def write_models(models: LatentModels, units: TouchUnits, path: str | Path) -> N
 def read_models(path: str | Path) -> TrainedTouch:
     """Read a stack of models and their units.
 
-    Raises InputError: the file is missing, damaged or holds something else.
+    Raises InputError: the file is missing, damaged or another file.
     """
     arrays = read_tensors(path)
     try:

@@ -1,4 +1,4 @@
-"""Parameters of latent spaces, their dynamics and distances on the skin; names of the models compared."""
+"""Parameters of latent spaces, their dynamics and geodesics; names of the compared models."""
 
 from typing import Final, Literal
 
@@ -7,24 +7,24 @@ from pydantic import Field, PositiveInt
 from structlearn.core.params import Parameters
 
 LATENT = 3  # dimensions of the latent state: map x, map y, pressure
-MAP = 2  # of these, the ones of the map
-STRUCTURES = (True, False)  # whether the latent space has structure: L_MDS and L_CDP in its loss
+MAP = 2  # dimensions of the map among them
+STRUCTURES = (True, False)  # whether the loss of the latent space contains L_MDS and L_CDP
 
 InverseModel = Literal["LL", "NG", "NJ"]
 
 LOCALLY_LINEAR: InverseModel = "LL"
 NEGATIVE_GRADIENT: InverseModel = "NG"
-JACOBIAN: InverseModel = "NJ"  # names of the inverse models
-NONLINEAR = "NL"  # name of the other forward model, beside `LOCALLY_LINEAR`
-UNCHANGED = "unchanged"  # the prediction that nothing moves, beside the forward models
+JACOBIAN: InverseModel = "NJ"
+NONLINEAR = "NL"  # forward model, besides `LOCALLY_LINEAR`
+UNCHANGED = "unchanged"  # prediction of no motion, for comparison
 NO_INVERSE: Final = "none"  # trained with L_LFD alone
 
-# per forward model, the inverse models whose loss L_ID it is trained with, in the order of its stack
+# inverse models whose loss L_ID each forward model is trained with, in the order of its stack
 TRAINED_WITH: dict[str, tuple[InverseModel | Literal["none"], ...]] = {
     LOCALLY_LINEAR: (NO_INVERSE, LOCALLY_LINEAR),
     NONLINEAR: (NO_INVERSE, NEGATIVE_GRADIENT, JACOBIAN),
 }
-# per inverse model, the forward model with which it shares parameters
+# forward model whose parameters each inverse model uses
 FORWARD_OF: dict[InverseModel, str] = {
     LOCALLY_LINEAR: LOCALLY_LINEAR,
     NEGATIVE_GRADIENT: NONLINEAR,
@@ -33,7 +33,7 @@ FORWARD_OF: dict[InverseModel, str] = {
 
 
 class NetworkParameters(Parameters):
-    """Sizes of the networks (II.4.1.3)."""
+    """Layer sizes of the networks (II.4.1.3)."""
 
     encoder_hidden: tuple[PositiveInt, ...]
     locally_linear_hidden: tuple[PositiveInt, ...]
@@ -89,7 +89,7 @@ class LatentSpaceParameters(Parameters):
 
 
 class GeodesicParameters(Parameters):
-    """The neighbour graph."""
+    """Neighbour graph of the geodesic distances."""
 
     neighbours: int = Field(ge=2)
     bin_size: int = Field(ge=3)

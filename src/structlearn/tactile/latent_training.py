@@ -1,11 +1,11 @@
 """Training of latent spaces and their dynamics, all variants and seeds at once (II.3.5, II.4.1.3).
 
-Two optimisers run in parallel, step by step: one on the autoencoders (eq. II.23), one on the dynamics
-(eq. II.24), which use the current encoders and do not change them. Every seed has its own batches; the
-variants of one seed have the same batches, so that their differences are paired.
+Two optimisers take steps in turn: one on the autoencoders (eq. II.23), one on the dynamics (eq. II.24), which
+use the current encoders without changing them. Every seed has its own batches; the variants of one seed share
+batches, so that their differences are paired.
 
 The learning rate falls to zero along half a cosine. The dissertation gives no schedule; without one RMSProp's
-last steps are as large as its first, and errors vary at random from step to step.
+last steps are as large as its first, and errors fluctuate from step to step.
 """
 
 from collections.abc import Iterator, Sequence
@@ -37,18 +37,18 @@ from structlearn.tactile.touch_dataset import (
     touch_units,
 )
 
-CHAIN_STEPS = 3  # actions per chain to train on: the one before, and the C = 2 that are predicted (II.4.4)
+CHAIN_STEPS = 3  # actions per training chain: the previous one, and the C = 2 that are predicted (II.4.4)
 DRAWN_AT_ONCE = 100  # steps whose batches are drawn in one call
-COMPARED_PAIRS = 4096  # pairs by which starts are compared
-SHORTEST_ACTION = 1e-6  # floor of the length by which an action is divided, in the networks' units
+COMPARED_PAIRS = 4096  # pairs on which starts are compared
+SHORTEST_ACTION = 1e-6  # floor of an action's norm in a denominator, in network units
 
-# with which dynamics are not trained
+# for training without dynamics
 NO_CHAINS = Chains(np.empty((0, CHAIN_STEPS + 1), dtype=int), np.empty((0, CHAIN_STEPS, 6)), np.empty(0))
 
 
 @dataclass(frozen=True)
 class Pairs:
-    """Pairs of samples with their distance on the skin."""
+    """Pairs of samples with their geodesic distance."""
 
     first: np.ndarray  # (K,) rows of the dataset
     second: np.ndarray  # (K,) rows of the dataset
@@ -58,7 +58,7 @@ class Pairs:
 def draw_pairs(
     splits: np.ndarray, geodesics: Geodesics, split: int, count: int, rng: np.random.Generator
 ) -> Pairs:
-    """Random pairs within one of the samples' `splits` (N,); both of a pair are in the same bin of distances.
+    """Random pairs within one of the samples' `splits` (N,), each from the same bin of distances.
 
     Raises InputError: a bin has fewer than two samples of the split.
     """
@@ -77,7 +77,7 @@ def draw_pairs(
 
 @dataclass(frozen=True)
 class LatentData:
-    """Samples, pairs and chains in the networks' units, to train or to test on."""
+    """Samples, pairs and chains in network units, for training or testing."""
 
     signals: Tensor  # (N, E) of all samples
     pressure: Tensor  # (N,) of all samples
@@ -89,7 +89,7 @@ class LatentData:
 
 
 def latent_data(samples: TouchSamples, pairs: Pairs, chains: Chains, units: TouchUnits) -> LatentData:
-    """All samples in the networks' units, with pairs and chains of one split."""
+    """All samples in network units, with pairs and chains of one split."""
     return LatentData(
         signals=as_tensor(units.signals(samples.signals)),
         pressure=as_tensor(units.pressure(samples.pressure)),
@@ -102,9 +102,9 @@ def latent_data(samples: TouchSamples, pairs: Pairs, chains: Chains, units: Touc
 
 
 def train(models: LatentModels, data: LatentData, parameters: LatentTrainingParameters) -> Iterator[int]:
-    """Train a stack in place, only its autoencoders if the data have no chains.
+    """Train a stack in place; only its autoencoders if the data have no chains.
 
-    Yields the number of steps, every `evaluate_every` of them and at the end, for evaluation between steps.
+    Yields the number of steps, every `evaluate_every` steps and at the end, for evaluation in between.
     """
     rngs = [np.random.default_rng([parameters.seed, seed]) for seed in models.seeds]
     descents = [
@@ -123,7 +123,7 @@ def train(models: LatentModels, data: LatentData, parameters: LatentTrainingPara
         rate = parameters.learning_rate * 0.5 * (1.0 + np.cos(np.pi * step / parameters.steps))
         for optimiser, loss, batches in descents:
             optimiser.rate = rate
-            # a sum over models mixes no gradients
+            # the sum over models keeps their gradients separate
             optimiser.step(loss(models, data, next(batches), parameters).sum())
         done = step + 1
         if done % parameters.evaluate_every == 0 or done == parameters.steps:
@@ -133,9 +133,9 @@ def train(models: LatentModels, data: LatentData, parameters: LatentTrainingPara
 def best_start(
     draws: Sequence[LatentModels], data: LatentData, parameters: LatentTrainingParameters, steps: int
 ) -> LatentModels:
-    """The first of several stacks of the same seeds, with the autoencoders that are best after some training.
+    """The first of several stacks with the same seeds, with the best autoencoders after some training.
 
-    A map may start folded and stay so, as the loss of distances has local minima. This shows within a few
+    The loss of distances has local minima, so a map may start folded and stay folded. This shows within a few
     hundred steps in the loss on training pairs, by which the autoencoders are chosen.
     """
     short = parameters.model_copy(update={"steps": steps, "evaluate_every": steps})
@@ -144,11 +144,11 @@ def best_start(
     losses = []
     for models in draws:
         for _ in train(models, alone, short):
-            pass  # only the end counts
+            pass  # train to the end
         with torch.no_grad():
             losses.append(autoencoder_losses(models, data, drawn, parameters))
     best = torch.stack(losses).argmin(dim=0)
-    arrays = [models.to_arrays() for models in draws]  # they share memory with the stacks
+    arrays = [models.to_arrays() for models in draws]  # these share memory with the stacks
     for name in (name for name in arrays[0] if name.startswith(("encoder.", "decoder."))):
         for number, other in enumerate(arrays):
             arrays[0][name][best == number] = other[name][best == number]
@@ -156,7 +156,7 @@ def best_start(
 
 
 def own_units(samples: TouchDataset, geodesics: Geodesics) -> TouchUnits:
-    """Units of a set by its training samples; the length is the root mean square distance on the skin."""
+    """Units from a set's training samples; the length unit is the RMS distance on the skin."""
     length = float(np.sqrt(np.mean(np.square(geodesics.distance, dtype=float))))
     return touch_units(samples, chains(samples, CHAIN_STEPS, split=TRAIN), length)
 
@@ -174,7 +174,7 @@ def learn_spaces(
 
 
 def learn_from(data: LatentData, parameters: LatentSpaceParameters) -> LatentModels:
-    """Train models of all seeds, with and without structure; without chains, dynamics stay as drawn."""
+    """Train models of all seeds, with and without structure; without chains, dynamics stay untrained."""
     models = LatentModels.initial(
         range(parameters.seeds),
         data.signals.shape[1],
@@ -184,7 +184,7 @@ def learn_from(data: LatentData, parameters: LatentSpaceParameters) -> LatentMod
     )
     with one_thread():
         for _ in train(models, data, parameters.training):
-            pass  # only the end counts
+            pass  # train to the end
     return models.detached()
 
 
@@ -192,7 +192,7 @@ def autoencoder_losses(
     models: LatentModels, data: LatentData, drawn: Tensor, parameters: LatentTrainingParameters
 ) -> Tensor:
     """Loss of each autoencoder (M,) on pairs (S, B) (eq. II.23)."""
-    rows = data.pairs[drawn].transpose(1, 2).flatten(1)  # (S, 2 B): all first ones, then all second ones
+    rows = data.pairs[drawn].transpose(1, 2).flatten(1)  # (S, 2 B): all first samples, then all second ones
     losses = latent_losses(
         models.autoencoders,
         models.for_all(data.signals[rows].transpose(1, 2)),
@@ -230,7 +230,7 @@ def dynamics_loss(
 
 
 def encoded(models: LatentModels, signals: Tensor, rows: Tensor) -> Tensor:
-    """Latent states (C + 1, M, 3, B), without gradient, of signals (N, E) in chains (S, B, C + 1) of rows."""
+    """Latent states (C + 1, M, 3, B), detached, of signals (N, E) at rows (S, B, C + 1) of chains."""
     flat = rows.transpose(1, 2)
     with torch.no_grad():
         found = signals.index_select(0, flat.flatten()).unflatten(0, (len(rows), -1)).transpose(1, 2)
@@ -239,7 +239,7 @@ def encoded(models: LatentModels, signals: Tensor, rows: Tensor) -> Tensor:
 
 
 def direction_loss(found: Tensor, action: Tensor) -> Tensor:
-    """L_ID (eq. II.22): squared distance to an action (M, 6, B) of the found one scaled to its length.
+    """L_ID (eq. II.22): squared distance of an action (M, 6, B) from the inferred one, scaled to its length.
 
     Mean over samples, sum over models.
     """
@@ -251,7 +251,7 @@ def direction_loss(found: Tensor, action: Tensor) -> Tensor:
 def _batches(
     count: int, parameters: LatentTrainingParameters, rngs: Sequence[np.random.Generator]
 ) -> Iterator[Tensor]:
-    """Batches (S, B) of random numbers below `count`, by one generator per seed."""
+    """Batches (S, B) of random integers below `count`, from one generator per seed."""
     while True:
         shape = (DRAWN_AT_ONCE, parameters.batch_size)
         yield from torch.from_numpy(np.stack([rng.integers(0, count, shape) for rng in rngs], axis=1))

@@ -1,13 +1,13 @@
-"""Skins pressed at known places: samples for latent spaces, actions between presses, servoing on a table.
+"""Skins pressed at known places: samples for latent spaces, actions between presses, servoing on recordings.
 
-A BioTac's electrodes fall under pressure and their mean tells how hard the skin is pressed. Other skins have
-signed channels with wide coupling: a magnetometer's axis may rise or fall, so the norm of all channels tells
-the pressure and their direction the place. A common gain, which drifts, changes the norm alone.
+A BioTac's electrode counts fall under pressure, and their mean measures it. Other skins have signed channels
+with wide coupling: a magnetometer's axis may rise or fall, so the norm of all channels measures the pressure
+and their direction the place. A common gain, which drifts, changes only the norm.
 
-Nothing slides here. A press is one sample, and moving on to another press nearby is an action: the
-displacement of the probe in one step. On a flat skin geodesics are straight, so distances are those on the
-plate. A controller learned from one run can act on another run without a robot: a dense recording holds the
-readings nearly everywhere, and the nearest press answers.
+Nothing slides here. A press is one sample, and moving to a nearby press is an action: the displacement of the
+probe in one step. On a flat skin geodesics are straight, so distances are those on the plate. A controller
+learned from one run can be tested on another run without a robot: a dense recording holds readings nearly
+everywhere, and the nearest press answers.
 """
 
 from dataclasses import dataclass
@@ -21,10 +21,10 @@ from structlearn.tactile.latent_training import CHAIN_STEPS, Pairs
 from structlearn.tactile.servo_controller import TactileServo
 from structlearn.tactile.touch_dataset import TRAIN, Chains, TouchSamples
 
-STEP_S = 1.0  # an action's duration: a velocity in m/s is a displacement in m per step
-PLANE = 2  # components of a place on the plate; the third is the height of the probe
-STILL = 0.01  # share of the largest component of the action (RMS) below which a component counts as none
-ROUNDING = 1e-3  # of a block's side: commanded places are exact to tenths of a micrometre only
+STEP_S = 1.0  # duration of an action: velocity in m/s equals displacement in m per step
+PLANE = 2  # coordinates on the plate; the third is the height of the probe
+STILL = 0.01  # share of the action's largest component (RMS) below which a component counts as zero
+ROUNDING = 1e-3  # of a block's side: commanded places are exact only to tenths of a micrometre
 
 Change = Literal["falls", "rises", "either"]  # of readings under pressure
 
@@ -37,12 +37,12 @@ class PressedSkin(TouchSamples):
 
 
 def seen(counts: np.ndarray, change: Change, by_norm: bool) -> tuple[np.ndarray, np.ndarray]:
-    """Signals for a latent space, and the contact pressure, of readings (N, E) less those at rest.
+    """Signals for a latent space, and the contact pressure, from readings (N, E) minus those at rest.
 
-    `by_norm`: readings are divided by their norm, whose logarithm is an additional channel. Returns signals
-    (N, E), or (N, E + 1) by norm; and pressure (N,): p = -mean(s) where readings fall (eq. II.1), mean(s)
-    where they rise, else the norm, or its logarithm by norm. Raises InputError: a row that is divided by its
-    norm is zero.
+    `by_norm`: readings are divided by their norm, whose logarithm becomes an additional channel. Returns
+    signals (N, E), or (N, E + 1) by norm; and pressure (N,): p = -mean(s) for falling readings (eq. II.1),
+    mean(s) for rising ones, else the norm, or its logarithm by norm. Raises InputError: a row to be divided
+    by its norm is zero.
     """
     strength = np.linalg.norm(counts, axis=1)
     pressure = {"falls": -counts.mean(axis=1), "rises": counts.mean(axis=1), "either": strength}[change]
@@ -56,16 +56,16 @@ def seen(counts: np.ndarray, change: Change, by_norm: bool) -> tuple[np.ndarray,
 
 
 def drifted(counts: np.ndarray, spread: float, copies: int, rng: np.random.Generator) -> np.ndarray:
-    """Readings (copies N, E): as they are, then copies, each with a gain of log-normal `spread`."""
+    """Readings (copies N, E): the original, then copies, each row with a gain of log-normal `spread`."""
     gains = np.exp(spread * rng.standard_normal(((copies - 1) * len(counts), 1)))
     return np.vstack([counts, np.tile(counts, (copies - 1, 1)) * gains])
 
 
 def held_out(place: np.ndarray, side: float, folds: int) -> tuple[np.ndarray, np.ndarray]:
-    """Blocks of a plate and the folds that hold them out: no two neighbours at once, nor all corners.
+    """Blocks of a plate, and the folds that hold them out: never two neighbours at once, nor all corners.
 
-    What is left over at the far edges belongs to the last blocks. `place` (N, 2) m; `side`: m of a block;
-    `folds`: F >= 4 keeps neighbours apart. Returns `block` (N,) numbers; `fold` (N,) 0 to F - 1.
+    Remainders at the far edges belong to the last blocks. `place` (N, 2) m; `side`: m of a block; `folds`:
+    F >= 4 keeps neighbours apart. Returns `block` (N,) numbers; `fold` (N,) 0 to F - 1.
     """
     start, extent = place.min(axis=0), np.ptp(place, axis=0)
     count = np.maximum(np.floor(extent / side + ROUNDING), 1)
@@ -82,9 +82,9 @@ def plate_pairs(skin: PressedSkin, split: int, count: int, rng: np.random.Genera
 
 
 def walks(skin: PressedSkin, count: int, reach: float, rng: np.random.Generator) -> Chains:
-    """Random walks between training presses, of `CHAIN_STEPS` displacements along axes where presses differ.
+    """Random walks over training presses, of `CHAIN_STEPS` displacements along axes on which presses differ.
 
-    `reach`: largest step along an axis in m, apart from the distance to the nearest press there.
+    `reach`: largest step along an axis in m, before moving to the nearest press there.
     """
     known = np.flatnonzero(skin.split == TRAIN)
     tree = cKDTree(skin.place[known])
@@ -106,18 +106,18 @@ class TableRuns:
     target: np.ndarray  # (T, 2) m
 
     def left(self) -> np.ndarray:
-        """(steps + 1, S, T) m to the target."""
+        """(steps + 1, S, T) m, remaining distance to the target."""
         return np.linalg.norm(self.path - self.target, axis=-1)
 
     def arrival(self, tolerance: float) -> np.ndarray:
-        """Step (S, T) from which on the target stays within the tolerance; -1 where it is not at the end."""
+        """Step (S, T) after which the distance stays within the tolerance; -1 if it does not at the end."""
         outside = self.left() > tolerance
-        last = len(outside) - 1 - np.argmax(outside[::-1], axis=0)  # the last step outside
+        last = len(outside) - 1 - np.argmax(outside[::-1], axis=0)  # last step outside
         arrived = np.where(outside.any(axis=0), last + 1, 0)
         return np.where(outside[-1], -1, arrived)
 
     def length_ratio(self, arrival: np.ndarray) -> np.ndarray:
-        """Way (S, T) until arrival over the straight one to where it arrived; NaN without arrival or way."""
+        """Path length (S, T) until arrival over the straight distance; NaN without arrival or motion."""
         steps = np.linalg.norm(np.diff(self.path, axis=0), axis=-1)
         done = np.vstack([np.zeros((1, *arrival.shape)), steps.cumsum(axis=0)])
         step = np.maximum(arrival, 0)[None]
@@ -138,9 +138,9 @@ def servo_on_table(
 ) -> TableRuns:
     """Servo from presses to the readings of other presses.
 
-    `servo`: of one action per step; it moves along as many axes as its actions have, the other coordinates
-    stay as at the start. The probe stays within the table. `starts`, `targets` (T,) rows of the table;
-    `map_alone`: servo to the place on the map only, as where no action changes the pressure.
+    `servo`: with one action per step; it moves along as many axes as its actions have, the other coordinates
+    stay as at the start, and the probe stays within the table. `starts`, `targets` (T,) rows of the table;
+    `map_alone`: servo to the place on the map only, because no action changes the pressure.
     """
     tree = cKDTree(table.place)
     low, high = table.place.min(axis=0), table.place.max(axis=0)

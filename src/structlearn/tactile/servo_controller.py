@@ -1,4 +1,4 @@
-"""Tactile servoing at run time: the action that brings the wanted touch (II.3.5).
+"""Tactile servoing at run time: actions that bring about a target touch (II.3.5).
 
     servo = TactileServo(models, units, structure=True, parameters=ServoParameters(), rate_hz=100 / 31)
     target = servo.encode(wanted_signals)
@@ -6,12 +6,12 @@
     while True:
         action, memory = servo.act(servo.encode(signals), target, memory)
 
-All seeds of a stack act at once, each on trials of its own: arrays are (S, T, ...), seeds and trials. Numbers
-go in and out as numpy arrays in SI units and counts; inside, everything is in double precision.
+All seeds of a stack act in parallel, each on its own trials: arrays are (S, T, ...), seeds and trials. Inputs
+and outputs are numpy arrays in SI units and counts; internally everything is in double precision.
 
 `TactileServo` is as published: inverse models use the value and the derivative of the forward model at one
-action. It was trained on demonstrated actions, so both are good on average over these but may be poor
-elsewhere: a person who sweeps steadily shows no slow moves, and hardly shows the effects of pitch and yaw.
+action. The model was trained on demonstrated actions, so both are good on average over these but may be poor
+elsewhere: a person who sweeps steadily shows no slow motion, and hardly shows the effects of pitch and yaw.
 `RestingServo` uses only what the forward model predicts well, and observations for the rest:
 
     rest:           a finger at rest keeps its touch, zd(z, 0) = 0, whatever the model predicts
@@ -20,9 +20,9 @@ elsewhere: a person who sweeps steadily shows no slow moves, and hardly shows th
     correction:     S + E is used, with E the error of S as observed in the finger's own steps,
                     E <- E + kappa ((z_t - z_t-1) / dt - (S + E) u_t-1) u_t-1^T / (1 + |u_t-1|^2)
 
-The last is the normalised least-mean-squares rule, a damped Broyden update of a Jacobian. It changes nothing
-at rest, u = 0, and never increases the distance of E from the true error for kappa <= 2 and constant slopes.
-LL and NJ still solve the problem of appendix A, and NG still goes down the gradient.
+The last is the normalised least-mean-squares rule, a damped Broyden update of a Jacobian. It has no effect at
+rest, u = 0, and for kappa <= 2 and constant slopes never increases the distance of E from the true error.
+LL and NJ still solve the problem of appendix A, and NG still descends the gradient.
 """
 
 from dataclasses import dataclass, replace
@@ -57,37 +57,36 @@ from structlearn.tactile.touch_dataset import TouchUnits
 
 
 class ServoParameters(Parameters):
-    """Which inverse model acts, and how far it may go."""
+    """Choice of the inverse model, and bounds on its actions."""
 
     inverse: InverseModel = "NJ"  # LL, NG or NJ (II.3.5)
-    # take the forward model that was trained with the loss of this inverse model
+    # use the forward model trained with the loss of this inverse model
     trained_with_inverse: bool = True
     action_penalty: float = Field(default=0.01, gt=0)  # beta (eq. II.12), in the networks' units
     gradient_gain: float = Field(default=10.0, gt=0)  # alpha of NG (eq. II.14), in the networks' units
-    # bound of |a|, in root mean squares of the demonstrated actions; longer ones are shortened and keep their
-    # direction
+    # bound of |a| in RMS of the demonstrated actions; longer actions are scaled down
     largest_action: float = Field(default=3.0, gt=0)
-    horizon: PositiveInt = 1  # steps ahead for LL and NJ; 1 is the dissertation
+    horizon: PositiveInt = 1  # steps ahead for LL and NJ; 1 as in the dissertation
 
 
 @dataclass(frozen=True)
 class ServoMemory:
-    """The step before, which NJ linearises about, in the networks' units.
+    """The previous step, which NJ linearises about, in network units.
 
-    With W actions per step, a step before still lasts dt, as in training: z_t-1 is the latent state dt ago,
-    a_t-1 the mean action since.
+    With W actions per step, a step still lasts dt, as in training: z_t-1 is the latent state dt ago, a_t-1
+    the mean action since.
     """
 
-    latent: np.ndarray  # (W, S, T, 3) when the last actions were chosen, oldest first
-    action: np.ndarray  # (W, S, T, K) that were chosen then
-    error: Tensor | None = None  # E, (S, 3, K, T), of the model's slopes; of `RestingServo`
+    latent: np.ndarray  # (W, S, T, 3) at which the last actions were chosen, oldest first
+    action: np.ndarray  # (W, S, T, K) these actions
+    error: Tensor | None = None  # E, (S, 3, K, T), of the model's slopes; for `RestingServo`
 
 
 class TactileServo:
     """Controllers of all seeds of a stack, for latent spaces with or without structure.
 
-    `units`: of the models; `rate_hz`: steps of prediction per second, about 3 in training;
-    `actions_per_step`: W. Raises InputError: NG has no longer horizon.
+    `units`: of the models; `rate_hz`: prediction steps per second, about 3 in training; `actions_per_step`:
+    W. Raises InputError: NG does not support a horizon above 1.
     """
 
     def __init__(
@@ -116,16 +115,16 @@ class TactileServo:
         self._actions_per_step = actions_per_step
 
     def encode(self, signals: np.ndarray) -> np.ndarray:
-        """Latent states (S, T, 3) of signals (S, T, E), counts less their offset, low-passed."""
+        """Latent states (S, T, 3) of signals (S, T, E), low-passed counts minus their offset."""
         return _array(self._encoder.forward(as_states(self.units.signals(signals))))
 
     def decode(self, latent: np.ndarray) -> np.ndarray:
-        """Signals (S, T, E) counts of latent states (S, T, 3)."""
+        """Signals (S, T, E) in counts of latent states (S, T, 3)."""
         decoded = _array(self._decoder.forward(as_states(latent)))
         return decoded * self.units.signal_scale + self.units.signal_mean
 
     def start(self, latent: np.ndarray) -> ServoMemory:
-        """Memory at the start, after a rest: the latent states (S, T, 3) were the same, the action was 0."""
+        """Memory at the start, after a rest: equal latent states (S, T, 3) and zero actions so far."""
         lasting = np.repeat(latent[None], self._actions_per_step, axis=0)
         return ServoMemory(lasting, np.zeros((*lasting.shape[:-1], len(self.units.action_scale))))
 
@@ -133,9 +132,9 @@ class TactileServo:
     def act(
         self, latent: np.ndarray, target: np.ndarray, memory: ServoMemory
     ) -> tuple[np.ndarray, ServoMemory]:
-        """Actions (S, T, K), m/s and rad/s in the frame of the finger, and the memory for the next step.
+        """Actions (S, T, K) in m/s and rad/s, finger frame, and the memory for the next step.
 
-        `latent` z_t, `target` z_T: (S, T, 3); `memory`: of the step before.
+        `latent` z_t, `target` z_T: (S, T, 3); `memory`: from the previous step.
         """
         chosen, step, goal = self.parameters, self._step(latent, memory), as_states(target)
         if chosen.horizon > 1:
@@ -150,7 +149,7 @@ class TactileServo:
         return LatentStep(as_states(latent), as_states(before), as_states(since), self._time_step)
 
     def _done(self, found: Tensor, latent: np.ndarray, memory: ServoMemory) -> tuple[np.ndarray, ServoMemory]:
-        """A found action (M, K, B), bounded and in SI units, and the memory after it."""
+        """A found action (M, K, B), bounded and in SI units, and the updated memory."""
         action = _array(found)
         length = np.linalg.norm(action, axis=-1, keepdims=True)
         bounded = action * np.minimum(1.0, self.parameters.largest_action / np.maximum(length, 1e-12))
@@ -170,15 +169,15 @@ class TactileServo:
 
 @dataclass(frozen=True)
 class Caution:
-    """How far the forward model is trusted."""
+    """Degree of trust in the forward model."""
 
-    by_likelihood: bool  # whether actions are measured by how likely they are; else all alike, as in the text
+    by_likelihood: bool  # scale the penalty by the likelihood of actions; False: as published
     spread: float  # h, half the distance over which slopes are taken, in s; 0: derivatives at rest
     correction: float  # kappa; 0: the model is never corrected
 
 
 class RestingServo(TactileServo):
-    """Controllers that correct their model; NG takes the best step along its gradient for the slope."""
+    """Controllers that correct their model online; NG takes the best step along the slope's gradient."""
 
     def __init__(
         self,
@@ -198,7 +197,7 @@ class RestingServo(TactileServo):
         self._likely = torch.from_numpy(likely)[:, None]  # (K, 1)
 
     def start(self, latent: np.ndarray) -> ServoMemory:
-        """As `TactileServo.start`, with no error known yet."""
+        """As `TactileServo.start`, with zero model error."""
         seeds, trials = latent.shape[:2]
         unknown = torch.zeros(seeds, LATENT, len(self._likely), trials, dtype=torch.float64)
         return replace(super().start(latent), error=unknown)
@@ -217,7 +216,7 @@ class RestingServo(TactileServo):
         return self._done(found * self._likely, latent, replace(memory, error=error))
 
     def _towards(self, target: Tensor, step: LatentStep, slope: Tensor) -> Tensor:
-        """Likely actions (M, K, B) that lead to a target."""
+        """Scaled actions u (M, K, B) that lead to a target."""
         if self.parameters.inverse == NEGATIVE_GRADIENT:
             missing = (target - step.latent) / step.time_step
             return steepest_action(slope, missing, self.parameters.action_penalty / step.time_step**2)
@@ -226,9 +225,9 @@ class RestingServo(TactileServo):
 
 
 def corrected(error: Tensor, slope: Tensor, step: LatentStep, likely: Tensor, rate: float) -> Tensor:
-    """E (M, 3, K, B) after the last step, from `error` E before and `slope` S of the model per likely action.
+    """Updated error E (M, 3, K, B) after the last step, from `error` and the model's `slope` S, both by u.
 
-    `likely` (K, 1) scales of likely actions; `rate`: kappa.
+    `likely` (K, 1): scales s of likely actions; `rate`: kappa.
     """
     action = step.previous_action / likely
     seen = (step.latent - step.previous_latent) / step.time_step
@@ -237,14 +236,14 @@ def corrected(error: Tensor, slope: Tensor, step: LatentStep, likely: Tensor, ra
 
 
 def action_slope(dynamics: ForwardDynamics, latent: Tensor, likely: Tensor, spread: float) -> Tensor:
-    """Slopes (M, 3, K, B) of the rate of the latent state (M, 3, B) by action.
+    """Slopes (M, 3, K, B) of the latent rate by scaled actions, at latent states (M, 3, B).
 
-    `likely` (K, 1) scales of likely actions; `spread`: half the distance over which slopes are taken, in
-    these scales; 0: derivatives at rest.
+    `likely` (K, 1): scales s of likely actions; `spread`: h, half the distance over which slopes are taken,
+    in these scales; 0: derivatives at rest.
     """
     rest = latent.new_zeros(latent.shape[0], dynamics.actions, latent.shape[-1])
     if isinstance(dynamics, LocallyLinearDynamics):
-        return dynamics.affine(latent).action  # the same for all actions
+        return dynamics.affine(latent).action  # independent of the action
     if spread == 0:
         return dynamics.jacobians(latent, rest)[1]
     slopes = []

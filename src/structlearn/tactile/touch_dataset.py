@@ -1,11 +1,12 @@
 """Samples of demonstrated touch, and chains of actions between them (II.4.1).
 
-Recordings of a finger become samples by a low-pass, offsets, contacts and splits (`prepare`).
+Recordings of a finger become samples by a low-pass, offset removal, detection of contacts and a split into
+parts (`prepare`).
 
 Networks use units in which losses, penalties and weights are comparable. The dissertation trains on raw
 counts and balances the losses by weights (II.4.1.3). Here signals and pressure are standardised, map
-distances are divided by a length, and actions by one scale per kind of velocity: directions within linear and
-within angular velocity stay the same.
+distances are divided by a length, and actions by one scale each for linear and angular velocity, which keeps
+directions within each.
 """
 
 from collections.abc import Mapping, Sequence
@@ -22,19 +23,19 @@ from structlearn.core.params import Parameters
 from structlearn.readers.demonstration import Demonstration
 from structlearn.tactile.electrodes import Skin
 
-TRAIN, VALIDATION, TEST = 0, 1, 2  # numbers of the splits
-SPLITS = {"train": TRAIN, "validation": VALIDATION, "test": TEST}  # splits by their names in tables
-ROTATION, TRANSLATION, OTHER = 0, 1, 2  # numbers of the motions that were demonstrated
+TRAIN, VALIDATION, TEST = 0, 1, 2  # indices of the splits
+SPLITS = {"train": TRAIN, "validation": VALIDATION, "test": TEST}  # by their names in tables
+ROTATION, TRANSLATION, OTHER = 0, 1, 2  # demonstrated motions
 
 STRIDES = (29, 30, 31, 32, 33)  # samples per step in training: 100 Hz / 29 to 100 Hz / 33 (II.4.1.1)
 TEST_STRIDE = 31  # samples per step in evaluation
 LINEAR = 3  # the first components of an action are linear velocity, the others angular
-# by the `motion` in a recording's provenance; others are `OTHER`
+# by `motion` in a recording's provenance; others are `OTHER`
 MOTIONS: Mapping[str | None, int] = {"rotation": ROTATION, "translation": TRANSLATION}
 
 
 class TouchDataParameters(Parameters):
-    """From recorded counts and poses to samples."""
+    """Preparation of samples from recorded counts and poses."""
 
     rate_hz: float = Field(ge=10, le=1000)
     cutoff_hz: float = Field(gt=0)
@@ -55,10 +56,10 @@ class TouchDataParameters(Parameters):
 
 @dataclass(frozen=True)
 class TouchSamples:
-    """N samples of any skin, as far as a latent space needs them; E channels."""
+    """N samples of any skin with E channels, as needed for a latent space."""
 
-    signals: np.ndarray  # (N, E); of a BioTac counts less their offset, after the low-pass, in float32
-    pressure: np.ndarray  # (N,) contact pressure; of a BioTac p = -mean of the signals, counts
+    signals: np.ndarray  # (N, E) float32; for a BioTac low-passed counts minus their offset
+    pressure: np.ndarray  # (N,) contact pressure; for a BioTac p = -mean of the signals, counts
     split: np.ndarray  # (N,) `TRAIN`, `VALIDATION` or `TEST`
 
     def __len__(self) -> int:
@@ -68,17 +69,17 @@ class TouchSamples:
 
 @dataclass(frozen=True)
 class TouchDataset(TouchSamples):
-    """Samples of one contact after the other, which lies between touching and lifting; numbers are float32.
+    """Samples of consecutive contacts, each from touching to lifting; floats are float32.
 
-    Rows of a contact are successive samples of a uniform clock. Splits are by contact, so that neighbouring
+    Rows of a contact are successive samples on a uniform clock. Splits are by contact, so that neighbouring
     samples are in the same split.
     """
 
-    contact_point: np.ndarray  # (N, 3) m, estimated from the signals, on the skin, frame of the finger
-    velocity: np.ndarray  # (N, 6) of the finger in the base frame, m/s and rad/s, after the low-pass
+    contact_point: np.ndarray  # (N, 3) m on the skin, finger frame, estimated from the signals
+    velocity: np.ndarray  # (N, 6) of the finger in the base frame, m/s and rad/s, low-passed
     orientation: np.ndarray  # (N, 4) of the finger in the base frame, unit quaternions
-    contact: np.ndarray  # (N,) number of the contact, rising
-    pressed: np.ndarray  # (N,) whether the pressure suffices for the dynamics to be learned from the sample
+    contact: np.ndarray  # (N,) number of the contact, ascending
+    pressed: np.ndarray  # (N,) whether the pressure suffices to learn dynamics from the sample
     trial: np.ndarray  # (N,) number of the demonstration
     time: np.ndarray  # (N,) s since its start
     motion: np.ndarray  # (N,) `ROTATION`, `TRANSLATION` or `OTHER`
@@ -87,11 +88,11 @@ class TouchDataset(TouchSamples):
 
 @dataclass(frozen=True)
 class Chains:
-    """K chains of C successive actions; the text's (s_t-1, a_t-1, s_t, a_t, s_t+1) is a chain of C = 2."""
+    """K chains of C successive actions; the published (s_t-1, a_t-1, s_t, a_t, s_t+1) is a chain of C = 2."""
 
     rows: np.ndarray  # (K, C + 1) rows of the dataset; action c leads from row c to row c + 1
-    # (K, C, 6) mean velocity over the step, m/s and rad/s, frame of the finger at its start; fewer components
-    # for a skin that is only pressed
+    # (K, C, 6) mean velocity over the step, m/s and rad/s, finger frame at its start; fewer components for a
+    # skin that is only pressed
     actions: np.ndarray
     time_step: np.ndarray  # (K,) s per step
 
@@ -105,8 +106,8 @@ def chains(
 ) -> Chains:
     """All chains of `length` C within one contact whose samples are pressed (II.4.1.1, II.4.1.2).
 
-    Velocities between two samples are averaged in the base frame, then rotated into the frame of the finger
-    (eq. II.25). `strides`: samples per step, their chains are concatenated; `split`: of a single split.
+    Velocities between two samples are averaged in the base frame, then rotated into the finger frame
+    (eq. II.25). `strides`: samples per step; chains of all strides are concatenated; `split`: only this one.
     Raises ValueError: length or a stride is below 1.
     """
     if length < 1 or min(strides) < 1:
@@ -125,7 +126,7 @@ def write_dataset(dataset: TouchDataset, path: str | Path) -> None:
 def read_dataset(path: str | Path) -> TouchDataset:
     """Read the samples.
 
-    Raises InputError: the file is missing, damaged or holds something else.
+    Raises InputError: the file is missing, damaged or another file.
     """
     tensors = read_tensors(path)
     fields = set(TouchDataset.__dataclass_fields__)
@@ -154,18 +155,18 @@ def _chains(
 
 @dataclass(frozen=True)
 class TouchUnits:
-    """Offsets and scales; a quantity in the networks' units is (quantity - offset) / scale."""
+    """Offsets and scales: a quantity in network units is (quantity - offset) / scale."""
 
     signal_mean: np.ndarray  # (E,) counts
     signal_scale: np.ndarray  # (E,) counts
     pressure_mean: np.ndarray  # () counts
     pressure_scale: np.ndarray  # () counts
-    length: np.ndarray  # () m on the skin per unit of the map
-    action_scale: np.ndarray  # (K,) m/s up to three times, rad/s for the others; actions have no offset
-    likely_action: np.ndarray  # (K,) root mean squares of the demonstrated actions, m/s and rad/s
+    length: np.ndarray  # () m on the skin per map unit
+    action_scale: np.ndarray  # (K,) m/s for the first three at most, rad/s for the others; no offset
+    likely_action: np.ndarray  # (K,) RMS of the demonstrated actions, m/s and rad/s
 
     def signals(self, counts: np.ndarray) -> np.ndarray:
-        """Standardised signals (..., E) of counts less their offset."""
+        """Standardised signals (..., E) of counts minus their offset."""
         return (counts - self.signal_mean) / self.signal_scale
 
     def pressure(self, counts: np.ndarray) -> np.ndarray:
@@ -174,10 +175,10 @@ class TouchUnits:
 
 
 def touch_units(dataset: TouchSamples, chains: Chains, length_m: float) -> TouchUnits:
-    """Units from the training samples, and from the actions of chains of the training split.
+    """Units from the training samples, and from the actions of training chains.
 
-    `length_m`: m on the skin per unit of the map. Raises InputError: there is no training sample or chain, or
-    an electrode, the pressure or the velocity never changes.
+    `length_m`: m on the skin per map unit. Raises InputError: there is no training sample or chain, or an
+    electrode, the pressure or the velocity never changes.
     """
     rows = dataset.split == TRAIN
     if not rows.any() or not len(chains):
@@ -207,10 +208,9 @@ def prepare(
 ) -> TouchDataset:
     """Samples of all contacts of all demonstrations, in their order.
 
-    Demonstrations have poses of the finger and counts, all at `rate_hz`. Splits are drawn by contact, evenly
-    over the motions. Raises InputError, with the name of the demonstration: it has no pose or no touch, other
-    channels than the skin or another rate, nothing touches in it, it is shorter than the time in the air; or
-    there are fewer than three contacts in all.
+    Demonstrations have finger poses and counts, all at `rate_hz`. Splits are drawn by contact, stratified by
+    motion. Raises InputError, naming the demonstration: no pose or no touch, other channels than the skin's,
+    another rate, no contact, or shorter than the time in the air; or fewer than three contacts in total.
     """
     parts, labels = [], []
     for trial, one in enumerate(demonstrations):
@@ -235,7 +235,7 @@ def prepare(
 
 
 def splits(motions: np.ndarray, parameters: TouchDataParameters) -> np.ndarray:
-    """Split of every contact, (K,), at least one each for validation and test; evenly over motions (K,)."""
+    """Split (K,) of every contact, stratified by motions (K,); at least one each for validation and test."""
     rng = np.random.default_rng(parameters.seed)
     order = rng.permutation(len(motions))
     order = order[np.argsort(motions[order], kind="stable")]
@@ -275,7 +275,7 @@ def _contacts(
 
 
 def motion_of(demonstration: Demonstration, dt: float, cutoff_hz: float) -> dict[str, np.ndarray]:
-    """`orientation` (T, 4) and `velocity` (T, 6), m/s and rad/s in the base frame, after the low-pass."""
+    """`orientation` (T, 4) and `velocity` (T, 6), m/s and rad/s in the base frame, low-passed."""
     turned = quaternion.sign_continuous(demonstration.signal("orientation"))
     orientation = quaternion.normalised(signals.low_pass(turned, dt, cutoff_hz))
     linear = signals.derivative(signals.low_pass(demonstration.position, dt, cutoff_hz), dt)
@@ -308,11 +308,11 @@ def _checked(demonstration: Demonstration, skin: Skin, parameters: TouchDataPara
 
 
 def contact_points(signals: np.ndarray, skin: Skin) -> np.ndarray:
-    """Contact points (N, 3) m, frame of the finger, from counts (N, E) less their offset (II.3.3).
+    """Contact points (N, 3) m, finger frame, from counts (N, E) minus their offset (II.3.3).
 
     After Lin et al. 2013: centroids of the electrodes, weighted by their squared negative changes, projected
-    to the skin; counts fall where the fluid is thinned and rise where it bulges. Raises InputError, with the
-    row from 0: other channels than electrodes, a value is NaN or infinite, or nothing touches.
+    onto the skin; counts fall where the fluid is thinned and rise where it bulges. Raises InputError, naming
+    the row from 0: other channels than electrodes, a value is NaN or infinite, or nothing touches.
     """
     if signals.ndim != 2 or signals.shape[1] != len(skin.electrodes):
         raise InputError(

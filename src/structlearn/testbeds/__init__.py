@@ -1,1 +1,1 @@
-"""What belongs to one testbed alone; no testbed imports another."""
+"""The simulated testbeds; none imports another."""

@@ -1,6 +1,6 @@
-"""Feedback networks, one per module, which `params.yaml` picks by the module's name (`network: pmnn`).
+"""Feedback networks, one per module, chosen in `params.yaml` by the module's name (`network: pmnn`).
 
-A module in a folder that the environment variable STRUCTLEARN_NETWORKS lists is found by its name too.
+Modules in folders listed in the environment variable STRUCTLEARN_NETWORKS are found by name too.
 """
 
 import os

@@ -1,4 +1,4 @@
-"""Autoencoder of the deviations, then phase kernels on its code (IV.9.3.3): see `pca`."""
+"""Autoencoder of the deviations, followed by phase kernels on its code (IV.9.3.3); see `pca`."""
 
 from typing import TYPE_CHECKING
 
@@ -10,15 +10,15 @@ from structlearn.feedback.models.pca import Encoder, PrincipalComponents, princi
 if TYPE_CHECKING:
     from torch import Tensor
 
-NODES = 100  # Of the hidden layer on either side of the code
+NODES = 100  # width of the hidden layer on either side of the code
 
 
 class AutoencodedNetwork(PrincipalComponents):
-    """Trains a phase-modulated network of an autoencoder's code."""
+    """Trains a phase-modulated network on an autoencoder's code."""
 
     @classmethod
     def encoders(cls, jobs: Jobs, parameters: TrainingParameters) -> list[Encoder]:
-        """See `autoencoder`; the codes have as many dimensions as there are principal components."""
+        """As `autoencoder`; the codes have as many dimensions as there are principal components."""
         dimensions = np.array([encoder.dimensions for encoder in principal_components(jobs)])
         return autoencoder(jobs, dimensions, parameters)
 
@@ -26,8 +26,8 @@ class AutoencodedNetwork(PrincipalComponents):
 def autoencoder(jobs: Jobs, dimensions: np.ndarray, parameters: TrainingParameters) -> list[Encoder]:
     """Autoencoders (encoder 100 tanh, linear code, decoder 100 tanh), trained as one stack.
 
-    Folds say which samples train, and which choose the step. `dimensions`: (M,) of each job's code; in the
-    dimensions of the widest one that a job does not have, its code is 0.
+    Folds say which samples train, and which choose the step. `dimensions`: (M,) of each job's code; a code
+    narrower than the widest one is padded with zeros.
     """
     import torch
 

@@ -1,6 +1,6 @@
-"""Ordinary network of the deviations: the phase-modulated network without modulation (IV.9.3.3).
+"""Feed-forward network of the deviations: the phase-modulated network without modulation (IV.9.3.3).
 
-Its coupling term does not vanish with the phase velocity: a rival in table IV.5, not for a robot.
+Its coupling term does not vanish with the phase velocity: for the comparison in table IV.5, not for a robot.
 """
 
 from dataclasses import dataclass
@@ -25,11 +25,11 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class FeedForwardNetwork(CouplingModel):
-    """A trained network with tanh in every hidden layer."""
+    """A trained feed-forward network with tanh hidden layers."""
 
-    # (D,) subtracted from the inputs, which are the deviations and, in `ffnn_phase`, p and u
+    # (D,) subtracted from the inputs, which are the deviations and, for `ffnn_phase`, p and u
     input_mean: np.ndarray
-    input_scale: np.ndarray  # (D,) divides them then
+    input_scale: np.ndarray  # (D,) divides them
     layers: Layers  # weights and biases of each hidden layer, and of the output
 
     kernel = layered
@@ -39,7 +39,7 @@ class FeedForwardNetwork(CouplingModel):
     def train(
         cls, jobs: Jobs, parameters: TrainingParameters, hidden: Nodes = (), initial: Self | None = None
     ) -> list[Trained]:
-        """All jobs as one stack, by RMSProp, from the start; see `CouplingModel.train`."""
+        """Train all jobs as one stack by RMSProp, always from scratch; see `CouplingModel.train`."""
         from structlearn.feedback.supervised_training import Stack, scaled_targets, standardised, train_stack
         from structlearn.networks.stacked_layers import Dropout, RowLayers
         from structlearn.networks.torch_settings import seeded
@@ -66,7 +66,7 @@ class FeedForwardNetwork(CouplingModel):
         return len(self.input_mean) - self.phases
 
     def table(self, p: np.ndarray, u: np.ndarray) -> np.ndarray:
-        """The output layer, bias first, and what the network sees of the phase."""
+        """The output layer, bias first, then the phase inputs."""
         weights, biases = self.layers[-1]
         readout = np.broadcast_to([*biases, *weights[0]], (len(p), 1 + weights.shape[1]))
         return np.column_stack([readout, *(p, u)[: self.phases]])

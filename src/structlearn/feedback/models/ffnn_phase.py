@@ -1,9 +1,9 @@
-"""Ordinary network of deviations, phase and phase velocity: the rival with phase inputs (IV.9.3.3)."""
+"""Feed-forward network of deviations, phase and phase velocity (IV.9.3.3)."""
 
 from structlearn.feedback.models.ffnn import FeedForwardNetwork
 
 
 class PhaseFeedForwardNetwork(FeedForwardNetwork):
-    """Its inputs are [ds, p, u]."""
+    """A trained feed-forward network with inputs [ds, p, u]."""
 
     phases = 2

@@ -1,8 +1,8 @@
-"""Principal components of the deviations, then phase kernels on the code (IV.9.3.3).
+"""Principal components of the deviations, followed by phase kernels on the code (IV.9.3.3).
 
-Components and autoencoder compress without knowing what the code is for. Both count an error in every channel
-alike (in counts, not in each channel's std), so that the two codes minimise the same error. Phase kernels on
-the code are a phase-modulated network without hidden layer; the encoder is folded into it.
+Principal components and autoencoder compress without knowledge of the coupling term. Both weight errors of
+all channels equally (in counts, not in each channel's std), so that both codes minimise the same error. Phase
+kernels on the code are a phase-modulated network without hidden layer; the encoder is folded into it.
 """
 
 from dataclasses import replace
@@ -14,17 +14,17 @@ from structlearn.feedback.coupling_model import Jobs, Nodes, Trained, TrainingPa
 from structlearn.feedback.models.pmnn import PhaseModulatedNetwork
 from structlearn.networks.compiled_layers import Layers
 
-VARIANCE_KEPT = 0.99  # Share of the variance that the principal components keep (IV.9.3.3)
+VARIANCE_KEPT = 0.99  # share of the variance kept by the principal components (IV.9.3.3)
 
 
 class PrincipalComponents(PhaseModulatedNetwork):
-    """Trains a phase-modulated network of a code, here of principal components."""
+    """Trains a phase-modulated network on a code, here of principal components."""
 
     @classmethod
     def train(
         cls, jobs: Jobs, parameters: TrainingParameters, hidden: Nodes = (), initial: Self | None = None
     ) -> list[Trained[PhaseModulatedNetwork]]:
-        """See `CouplingModel.train`; an initial network is trained on as a phase-modulated one."""
+        """See `CouplingModel.train`; an initial network is trained further as a phase-modulated one."""
         if initial is not None:
             return PhaseModulatedNetwork.train(jobs, parameters, hidden, initial)
         encoders = cls.encoders(jobs, parameters)
@@ -49,15 +49,15 @@ class Encoder(NamedTuple):
     """Compression of the deviations of a job."""
 
     mean: np.ndarray  # (D,) subtracted from the deviations
-    scale: np.ndarray  # (D,) divides them then
-    layers: Layers  # weights and biases, all tanh but the last, which gives the code
-    # (S, C) of all samples; a job that keeps fewer than C dimensions has zeros in the last ones
+    scale: np.ndarray  # (D,) divides them
+    layers: Layers  # weights and biases, all tanh except the last, which outputs the code
+    # (S, C) of all samples; zero-padded for a job that keeps fewer than C dimensions
     code: np.ndarray
-    dimensions: int  # number that it keeps
+    dimensions: int  # number kept
 
 
 def principal_components(jobs: Jobs, variance: float = VARIANCE_KEPT) -> list[Encoder]:
-    """Principal components of each job's training samples that keep a share of their variance, below 1."""
+    """Principal components of each job's training samples that keep a given share of their variance."""
     from sklearn.decomposition import PCA
 
     found = [PCA(variance, svd_solver="full").fit(data.deviation[fold.train]) for data, fold in jobs]

@@ -5,9 +5,9 @@
     c = w_c . m = s + r . h_L                                          r = W_m^T (G w_c), s = b_m . (G w_c)
 
 There is no output bias: where the phase velocity u is zero, c is zero, so the adapted movement still starts
-smoothly and still ends at its goal, whatever the weights. The two linear last layers are folded with the
-phase features, which depend on time only: a sample costs the hidden layers and one scalar product.
-`stacked_pmnn` is what is trained.
+smoothly and ends at its goal, whatever the weights. The two linear last layers are folded with the phase
+features, which depend on time only, so a sample costs the hidden layers and one scalar product. Training is
+in `stacked_pmnn`.
 """
 
 from dataclasses import dataclass
@@ -59,7 +59,7 @@ def layered(sizes, values, row, deviations, memory):
 
 
 def layered_numbers(mean: np.ndarray, scale: np.ndarray, hidden: Layers, extra: int = 0) -> Compiled:
-    """Arguments of `layered`, which `ffnn` shares; `mean`, `scale`: (D + X,) standardise its inputs."""
+    """Arguments of `layered`, also for `ffnn`; `mean`, `scale`: (D + X,) standardise the inputs."""
     packed = pack([(mean, scale, hidden)])
     shape = packed.sizes[0]
     sizes = np.array([len(packed.values), extra, len(hidden), *shape], dtype=np.int64)
@@ -67,7 +67,7 @@ def layered_numbers(mean: np.ndarray, scale: np.ndarray, hidden: Layers, extra: 
 
 
 def layered_fault(mean: np.ndarray, scale: np.ndarray, layers: Layers, outputs: int) -> str:
-    """Why layers and standardisation do not fit together, or a scale is no good; empty if all is well."""
+    """Why layers and standardisation do not fit together, or a scale is invalid; empty if all is well."""
     shapes = [(weights.shape, biases.shape) for weights, biases in layers]
     widths = [len(mean), *(len(biases) for _, biases in layers[:-1]), outputs]
     if scale.shape != mean.shape or shapes != [
@@ -79,10 +79,10 @@ def layered_fault(mean: np.ndarray, scale: np.ndarray, layers: Layers, outputs: 
 
 @dataclass(frozen=True)
 class PhaseModulatedNetwork(CouplingModel):
-    """A trained network; the standardisation of its input belongs to it."""
+    """A trained network, including the standardisation of its inputs."""
 
     input_mean: np.ndarray  # (D,) mean of the training deviations
-    input_scale: np.ndarray  # (D,) their std, positive
+    input_scale: np.ndarray  # (D,) std, positive
     hidden: Layers  # (weights (H, previous), biases (H,)) of each hidden layer, none for L = 0
     phase_weights: np.ndarray  # (N, H) W_m, or (N, D) without a hidden layer
     phase_biases: np.ndarray  # (N,) b_m
@@ -94,7 +94,7 @@ class PhaseModulatedNetwork(CouplingModel):
     def train(
         cls, jobs: Jobs, parameters: TrainingParameters, hidden: Nodes = (), initial: Self | None = None
     ) -> "list[Trained[PhaseModulatedNetwork]]":
-        """All jobs as one stack, by RMSProp; see `CouplingModel.train`."""
+        """Train all jobs as one stack by RMSProp; see `CouplingModel.train`."""
         from structlearn.feedback.stacked_pmnn import train_networks
 
         return train_networks(jobs, parameters, hidden, initial)
@@ -114,16 +114,16 @@ class PhaseModulatedNetwork(CouplingModel):
 
     @property
     def inputs(self) -> int:
-        """D."""
+        """Number of channels D."""
         return len(self.input_mean)
 
     @property
     def kernel_count(self) -> int:
-        """N."""
+        """Number of kernels N."""
         return len(self.output_weights)
 
     def table(self, p: np.ndarray, u: np.ndarray) -> np.ndarray:
-        """Rows (T, 1 + H) of s and r."""
+        """Rows (T, 1 + H): s, then r."""
         weights = kernels.features(p, u, self.kernel_count) * self.output_weights
         return np.column_stack([weights @ self.phase_biases, weights @ self.phase_weights])
 
@@ -132,7 +132,7 @@ class PhaseModulatedNetwork(CouplingModel):
         return layered_numbers(self.input_mean, self.input_scale, self.hidden)
 
     def fault(self) -> str:
-        """Layers that do not fit together, too few kernels, a scale of 0, or what is not finite."""
+        """Layers that do not fit together, too few kernels, a scale of 0, or a value that is not finite."""
         if self.kernel_count < 2:
             return f"has {self.kernel_count} phase kernels, needs about {kernels.KERNEL_COUNT}"
         layers = (*self.hidden, (self.phase_weights, self.phase_biases))
@@ -140,10 +140,10 @@ class PhaseModulatedNetwork(CouplingModel):
         return fault or super().fault()
 
     def behind(self, mean: np.ndarray, scale: np.ndarray, layers: Layers) -> Self:
-        """This network of a code as one of the encoded deviations (D,).
+        """Compose this network of a code with the encoder, into a network of the deviations (D,).
 
-        `mean`, `scale`: (D,) standardise the deviations. `layers`: of the encoder, all tanh but the last,
-        which is linear and gives the code.
+        `mean`, `scale`: (D,) standardise the deviations. `layers`: of the encoder, all tanh except the last,
+        which is linear and outputs the code.
         """
         *before, (weights, biases) = layers
         inner = [*self.hidden, (self.phase_weights, self.phase_biases)]
@@ -154,7 +154,7 @@ class PhaseModulatedNetwork(CouplingModel):
 
 
 def open_loop(weights: np.ndarray) -> PhaseModulatedNetwork:
-    """A policy that needs no sensor: c = G(p, u) . weights (N,), as a network without inputs."""
+    """Policy without sensors, c = G(p, u) . weights (N,), as a network without inputs."""
     weights = np.asarray(weights, dtype=float)
     nothing = np.zeros((len(weights), 0))
     return PhaseModulatedNetwork(nothing[0], nothing[0], (), nothing, weights, np.ones(len(weights)))

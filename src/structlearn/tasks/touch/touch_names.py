@@ -25,7 +25,7 @@ FORCE_MODELS = {
     PROCESS: SPACES[PROCESS],
 }
 
-# what is new in the touches that are tested on; a new set is always standardised by itself
+# what is new in the test samples; a new set is always standardised by itself
 NEW_BLOCKS, NEW_PRESSES, NEW_RUN = "new blocks", "new presses", "new run"
 NEW_TRIALS, NEW_MATERIAL, NEW_SET = "new trials", "new material", "new set"
 OWN_UNITS = "new material, standardised by itself"
@@ -37,9 +37,9 @@ CORRECTED = "NJ, corrected"
 # sets of touches; `MAGNITUDES` are only the sizes of the changes, as published for the slides
 SLIDES, UNSCREWING, SCRAPING, SIMULATED = "slides", "unscrewing", "scraping", "simulated"
 MAGNITUDES = "simulated, magnitudes"
-# the set tested on after a set was learned from
+# training set: the other set that it is tested on
 PARTNERS = {SLIDES: MAGNITUDES, MAGNITUDES: SLIDES, UNSCREWING: SIMULATED, SIMULATED: UNSCREWING}
-# learned from, tested on, and what was new in it, in the order of tables
+# training set, test set and what is new in the test set, in the order of tables
 ASKED = (
     (SLIDES, SLIDES, NEW_TRIALS),
     (SLIDES, SLIDES, NEW_MATERIAL),

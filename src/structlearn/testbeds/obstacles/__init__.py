@@ -1,1 +1,1 @@
-"""Reaches past spheres, cubes and cylinders (IV.8)."""
+"""Reaches around spheres, cubes and cylinders (IV.8)."""
