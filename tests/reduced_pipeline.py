@@ -36,7 +36,7 @@ REDUCED = {
     "evaluate_refinement": {"settings_deg": [0, 5, 10], "runs": 1},
     "compare_search": {"budget": 13, "seeds": 1, "evaluation_runs": 1},
     "obstacle_people": {"tuning": [1], "test": [11, 12]},
-    "obstacle_scene": {"settings": 3},
+    "obstacle_scene": {"settings": 2},
     "obstacle_demonstrator": {"baseline_count": 3, "count": 3},
     "obstacle_training": {
         "per_setting": {"training": {"iterations": 3}},
@@ -45,7 +45,7 @@ REDUCED = {
         "phase_modulated": {"steps": 40, "evaluate_every": 20, "chunk_samples": 8},
         "phase_modulated_hidden": [8],
     },
-    "obstacle_evaluation": {"rate_hz": 25.0, "kept_every": 1, "speeds_m_s": [0.1], "pairs": 4},
+    "obstacle_evaluation": {"rate_hz": 25.0, "kept_every": 1, "speeds_m_s": [0.1], "pairs": 2},
     "inspect_obstacles": {"scenarios": ["sphere/01", "cylinder/02"]},
     "dynamics_robots": {"test": [11, 12]},
     "arm_motion": {"test": {"duration_s": 24.0}},
@@ -77,13 +77,14 @@ SPACES = {"seeds": 1, "training": TRAINING, "pair_pool": 1000, "evaluation_pairs
 REDUCED_TASKS = {  # entries of public sets
     "movement": {"reaches": {"rests": {"noise_mm": [0.5, 2.0], "seeds": 2}, "corrections": {"splits": 5}}},
     "motion": {
-        "panda": {"iterations": 5, "draws": 100, "networks": {"seeds": 1, "epochs": [1]}},
+        "panda": {"rate_hz": 100.0, "iterations": 5, "draws": 100, "networks": {"seeds": 1, "epochs": [1]}},
         "ur10e": {
+            "rate_hz": 50.0,
             "iterations": 5,
             "body_draws": 3,
             "draws": 100,
             "networks": {"hidden": [[4]], "rates": [0.01], "epochs": [1], "choice_seeds": 1, "seeds": 1},
-            "load": {"batch": 400, "iterations": 5},
+            "load": {"batch": 200, "iterations": 5},
         },
         "kuka_lwr4": {"iterations": 5, "draws": 100},
         "delan_characters": {"parts": {"seeds": 2, "splits": 2, "epochs": 2}},
@@ -100,13 +101,13 @@ REDUCED_TASKS = {  # entries of public sets
             "rival_samples": 100,
             "spaces": SPACES | {"evaluation_pairs": 1000},
             "servo": {"walks": 200, "trials": 4, "steps": 4},
-            "published": {"first_share": 0.6},  # the Gaussian process takes by the cube of it
+            "published": {"first_share": 0.55},  # the Gaussian process takes by the cube of it
         },
     },
     "obstacles": {
         "boxes": {
             "folds": 2,
-            "keep_every": 30,
+            "keep_every": 60,
             "cloud_count": 20,
             "reaches": {"samples": 51},
             "network": {"members": 1, "demonstrations": 20, "training": {"iterations": 3}},
@@ -175,14 +176,16 @@ def by_hand(
 
 ONE_BY_ONE = """
 import runpy, sys
+from structlearn.simulation import still
+still.OVERSAMPLING = 1  # a quarter of the pixels to render
 for command in sys.argv[1:]:
     sys.argv = command.split()[1:]
     if "loop.py" in command:  # the film of the front page, with a tenth of its frames
         from structlearn.testbeds.scraping.world import scene_still
         scene_still.FRAMES_PER_S /= 10
-    if "report.py" in command:  # figures that nobody looks at: to arrange them takes as long as to draw them
+    if "report.py" in command:  # figures that nobody looks at: to arrange them takes longer than to draw them
         from structlearn.reporting import figure_style
-        figure_style.STYLE["figure.constrained_layout.use"] = False
+        figure_style.STYLE |= {"figure.constrained_layout.use": False, "axes.titley": 1.0}
     if "touch.py" in command:  # a quarter of the presses for the constants of Gaussian processes
         from structlearn.tasks.touch import skin_readings
         skin_readings.TUNING_SAMPLES = 100

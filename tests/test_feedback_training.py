@@ -1,4 +1,5 @@
 import dataclasses
+from functools import partial
 
 import numpy as np
 import pytest
@@ -16,7 +17,7 @@ from structlearn.feedback.coupling_dataset import leave_one_out
 from structlearn.feedback.coupling_model import TrainingParameters, train_final
 from structlearn.feedback.models.pmnn import PhaseModulatedNetwork
 from structlearn.feedback.stacked_pmnn import StackedPhaseModulatedNetworks
-from structlearn.networks.torch_settings import RootMeanSquarePropagation, as_tensor, seeded
+from structlearn.networks.torch_settings import Adam, RootMeanSquarePropagation, as_tensor, seeded
 from structlearn.primitives import canonical, kernels
 
 QUICK = committed(TrainingParameters, "compare_models", steps=60, evaluate_every=20, batch_size=16)
@@ -67,10 +68,23 @@ def test_a_model_learns_the_same_alone_and_in_a_stack():
     assert np.abs(found - before).max() > 0.01  # it did learn something
 
 
-def test_a_step_is_that_of_torch_on_every_tensor():
+@pytest.mark.parametrize(
+    ("own", "of_torch", "tolerance"),
+    [
+        (
+            partial(RootMeanSquarePropagation, decay=supervised.DECAY),
+            partial(torch.optim.RMSprop, alpha=supervised.DECAY, eps=1e-8),
+            {"atol": 1e-6, "rtol": 1e-4},
+        ),
+        (Adam, torch.optim.Adam, {"atol": 0.0, "rtol": 0.0}),
+    ],
+)
+def test_a_step_is_that_of_torch_on_every_tensor(own, of_torch, tolerance):
     ours, theirs = networks(2), networks(2)
-    optimiser = RootMeanSquarePropagation(ours.weights, QUICK.learning_rate, supervised.DECAY)
-    reference = torch.optim.RMSprop(theirs.weights, QUICK.learning_rate, supervised.DECAY, eps=1e-8)
+    optimiser, reference = (
+        own(ours.weights, rate=QUICK.learning_rate),
+        of_torch(theirs.weights, lr=QUICK.learning_rate),
+    )
     generator = torch.Generator().manual_seed(0)
     for _ in range(5):
         inputs = torch.randn(2, 30, 6, generator=generator)
@@ -80,7 +94,7 @@ def test_a_step_is_that_of_torch_on_every_tensor():
         theirs.forward(inputs, modulation, True).square().mean().backward()
         reference.step()
     for one, other in zip(ours.weights, theirs.weights, strict=True):
-        torch.testing.assert_close(one, other, atol=1e-6, rtol=1e-4)
+        torch.testing.assert_close(one, other, **tolerance)
 
 
 def test_training_is_deterministic_and_leaves_the_number_of_threads():

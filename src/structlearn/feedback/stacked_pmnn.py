@@ -37,7 +37,7 @@ from structlearn.feedback.coupling_model import Jobs, Trained, TrainingParameter
 from structlearn.feedback.models.pmnn import PhaseModulatedNetwork
 from structlearn.feedback.supervised_training import Stack, scaled_targets, standardised, train_stack
 from structlearn.networks.stacked_layers import Dropout, RowLayers
-from structlearn.networks.torch_settings import as_tensor, one_thread, seeded
+from structlearn.networks.torch_settings import Adam, as_tensor, one_thread, seeded
 from structlearn.primitives import canonical, kernels
 from structlearn.primitives.kernels import KERNEL_COUNT, features
 
@@ -171,7 +171,7 @@ def train_unrolled(
     stack = StackedPhaseModulatedNetworks.from_networks(
         [initial], [target_scale], parameters.dropout, generator
     )
-    optimiser = torch.optim.Adam(stack.parameters(), lr=parameters.learning_rate)
+    optimiser = Adam(stack.parameters(), parameters.learning_rate)
     # scaled as in the stack's training; L demonstrations of T samples
     inputs = as_tensor((training.deviation - initial.input_mean) / initial.input_scale)  # (L, T, D)
     modulation = as_tensor(kernels.unit_features(training.target.shape[1], initial.kernel_count))  # (T, N)
@@ -187,9 +187,7 @@ def train_unrolled(
             coupling = coupling.reshape(len(chosen), -1)  # (B, T)
             path_loss = (coupling @ response.T - correction[chosen]).square().mean()
             coupling_loss = (coupling - target[chosen]).square().mean()
-            optimiser.zero_grad()
-            (path_loss + parameters.coupling_loss_weight * coupling_loss).backward()
-            optimiser.step()
+            optimiser.step(path_loss + parameters.coupling_loss_weight * coupling_loss)
             if step % VALIDATION_INTERVAL == 0 or step == parameters.steps:
                 network = stack.to_network(0, initial.input_mean, initial.input_scale, target_scale)
                 error = np.mean(unrolled_error(network, validation) ** 2)

@@ -161,9 +161,9 @@ def shuffled_epochs(models: Learner, epochs: int) -> Iterator[int]:
 
 def learn_annealed(models: NetworkLearner, epochs: int) -> None:
     """Train in shuffled epochs, with a learning rate that falls to zero along a cosine."""
-    schedule = torch.optim.lr_scheduler.CosineAnnealingLR(models.optimiser, epochs)
-    for _ in shuffled_epochs(models, epochs):
-        schedule.step()
+    heights = [1.0 + math.cos(math.pi * epoch / epochs) for epoch in range(epochs + 1)]
+    for epoch in shuffled_epochs(models, epochs):
+        models.optimiser.rate *= heights[epoch] / heights[epoch - 1]
 
 
 def learn_in_epochs(

@@ -189,20 +189,20 @@ def _adjoint(network: StackedLayers, values: Sequence[Tensor], cotangent: Tensor
     return torch.bmm(network.weights[0].mT, cotangent)
 
 
-class SmallAdam(torch.optim.Optimizer):
+class SmallAdam:
     """Adam with torch's fused kernel for a few small tensors, each with a leading axis of models.
 
-    Same steps as `torch.optim.Adam`, without its bookkeeping, 7 to 20 % of a step for such small networks.
+    Same steps as `torch.optim.Adam`, without its bookkeeping, 7 to 20 % of a step for such small networks, and
+    without loading torch's compiler, which takes a second.
     """
 
     def __init__(self, parameters: Sequence[Tensor], adam: AdamParameters):
-        super().__init__(parameters, {"lr": adam.rate})
-        self.parameters, self.decay = list(parameters), adam.second_moment_decay
+        self.parameters, self.rate, self.decay = list(parameters), adam.rate, adam.second_moment_decay
         self.means, self.squares = ([torch.zeros_like(its) for its in self.parameters] for _ in range(2))
         self.count = torch.zeros(())  # steps taken
 
     @torch.no_grad()
-    def step(self, gradients: Sequence[Tensor | None]) -> None:  # type: ignore[override]
+    def step(self, gradients: Sequence[Tensor | None]) -> None:
         """One step; parameters with gradient None do not change."""
         every = zip(gradients, self.parameters, self.means, self.squares, strict=True)
         # the kernel walks memory in order, regardless of strides
@@ -216,7 +216,7 @@ class SmallAdam(torch.optim.Optimizer):
             squares,
             [],
             [self.count] * len(moved),
-            lr=self.param_groups[0]["lr"],
+            lr=self.rate,
             beta1=0.9,
             beta2=self.decay,
             weight_decay=0.0,
