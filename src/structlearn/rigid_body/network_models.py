@@ -192,8 +192,8 @@ def _adjoint(network: StackedLayers, values: Sequence[Tensor], cotangent: Tensor
 class SmallAdam:
     """Adam with torch's fused kernel for a few small tensors, each with a leading axis of models.
 
-    Same steps as `torch.optim.Adam`, without its bookkeeping, 7 to 20 % of a step for such small networks, and
-    without loading torch's compiler, which takes a second.
+    Same steps as `torch.optim.Adam`, without its bookkeeping (7 to 20 % of a step for such small networks)
+    and without loading torch's compiler, which takes a second.
     """
 
     def __init__(self, parameters: Sequence[Tensor], adam: AdamParameters):
