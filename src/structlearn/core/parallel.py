@@ -60,7 +60,8 @@ def parallel_map(
         raise InputError(f"{BACKEND}={backend}: is not one of fork, dask, sequential")
     bar = partial(tqdm, desc=description, leave=False, disable=None)  # only on a terminal
     if backend == "sequential":
-        return [function(item) for item in bar(work)]
+        with threadpool_limits(1):  # as in processes: products of matrices depend on the number of threads
+            return [function(item) for item in bar(work)]
     results: dict[int, Result] = {}
     with bar(total=len(work)) as progress:
 
