@@ -93,6 +93,18 @@ def test_a_table_comes_back_and_its_index_does_not_matter(tmp_path):
     assert b"pandas" not in (tmp_path / "t.parquet").read_bytes()  # its version would change the bytes
 
 
+def test_pages_that_the_footer_ascribes_to_another_column_are_an_error(tmp_path):
+    """No checksum of Parquet covers its footer."""
+    path = tmp_path / "table.parquet"
+    artefacts.write_table(pd.DataFrame({"a": [1.0, 2.0], "b": [3.0, 4.0]}), path)
+    first, second = b"\x19\x18\x01a", b"\x19\x18\x01b"  # path of a column, in the description of its pages
+    pages, _, between = path.read_bytes().partition(first)
+    between, _, rest = between.partition(second)
+    path.write_bytes(pages + second + between + first + rest)
+    with pytest.raises(InputError, match=r"table.parquet: damaged.*columns are not as written"):
+        artefacts.read_table(path)
+
+
 def test_tensors_come_back_with_their_shapes(tmp_path):
     path = tmp_path / "t.safetensors"
     artefacts.write_tensors(TENSORS, path, "what this is")

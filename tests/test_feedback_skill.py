@@ -187,7 +187,8 @@ def changed(file, tensors=None, **description):
         ({"version": 99}, "a skill file of version 99; version 1 is read"),
         ({"units": UNITS | {"length": "mm"}}, "its units are not those of a skill"),
         ({"tensors": {TURN + "weights": np.full((25, 3), 1e308)}}, "holds 1e.308, more"),
-        ({"tensors": {TURN + "duration": np.array(1e4)}}, "duration is 10000 s, more than"),
+        ({"tensors": {TURN + "duration": np.array(1e4)}}, "duration is 10000 s, not within"),
+        ({"tensors": {TURN + "duration": np.array(1e-320)}}, "duration is 9.99989e-321 s, not within"),
         ({"tensors": {TURN + "goal": np.ones(4)}}, "is no unit quaternion"),
         *(
             ({"tensors": {TURN + "weights": np.ones(shape)}}, "weights have shape")

@@ -53,11 +53,23 @@ def read_table(path: str | Path, needed: Sequence[str] = ()) -> pd.DataFrame:
 def read_arrow(path: str | Path) -> pyarrow.Table:
     """Read an Arrow table of `write_arrow` or `write_table`. Raises InputError: it is damaged."""
     damaged = (pyarrow.ArrowException, OSError)  # OSError: damaged pages
-    with _readable(path, "readable Parquet", *damaged, whole=False):
-        table = pyarrow.parquet.read_table(path, page_checksum_verification=True)
-    if (table.schema.metadata or {}).get(HEADINGS) != _headings(table):
+    with (
+        _readable(path, "readable Parquet", *damaged, whole=False),
+        pyarrow.parquet.ParquetFile(path, page_checksum_verification=True) as file,
+    ):
+        table, in_order = file.read(), _in_order(file.metadata)
+    if not in_order or (table.schema.metadata or {}).get(HEADINGS) != _headings(table):
         raise InputError(f"{path}: damaged, or not written by this project: its columns are not as written")
     return table
+
+
+def _in_order(metadata: pyarrow.parquet.FileMetaData) -> bool:
+    """Whether the footer lists the pages of all columns as they lie in the file: no checksum covers it."""
+    columns, groups = range(metadata.num_columns), range(metadata.num_row_groups)
+    chunks = [metadata.row_group(group).column(column) for group in groups for column in columns]
+    starts = [chunk.data_page_offset for chunk in chunks]
+    paths = [metadata.schema.column(column).path for column in columns] * len(groups)
+    return starts == sorted(starts) and paths == [chunk.path_in_schema for chunk in chunks]
 
 
 HEADINGS = b"columns sha256"

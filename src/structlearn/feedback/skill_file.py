@@ -47,7 +47,7 @@ UNITS = {
 VERSION = 1  # of the file format
 LARGEST = 1e9
 """Largest absolute value that is accepted; below it no tick overflows."""
-LONGEST_S = 1000.0  # longest primitive; more suggests a unit error
+SHORTEST_S, LONGEST_S = 1e-3, 1000.0  # of a primitive: at least a tick; more suggests a unit error
 
 READINGS = (
     "A sample has the channels of all sensors, in their order, as the drivers give them. The mean of the "
@@ -168,5 +168,5 @@ def _check(tensors: Mapping[str, np.ndarray], described: Mapping[str, Any]) -> N
             raise InputError(f"{name} has numbers of type {array.dtype}")
         if np.abs(array).max(initial=0.0) > LARGEST:
             raise InputError(f"{name} holds {np.abs(array).max():g}, more than {LARGEST:g}")
-        if name.endswith(".duration") and array > LONGEST_S:
-            raise InputError(f"{name} is {array:g} s, more than {LONGEST_S:g} s")
+        if name.endswith(".duration") and not SHORTEST_S <= array <= LONGEST_S:
+            raise InputError(f"{name} is {array:g} s, not within {SHORTEST_S:g} and {LONGEST_S:g} s")
