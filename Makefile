@@ -47,13 +47,13 @@ lint: $(INSTALLED)  ## check style and types
 	$(BIN)/mypy
 
 # The pipeline on recorded data; DATA holds some of the folders that the README names. The sets share no stage but the
-# list of code, so seven of the 13 run beside the others, each with two targets. What other reports quote of it is put
-# aside: the front page shows it at once, those of testbeds when they are made next.
+# list of code, so those with the first 32 stages run beside the others. Results that other reports quote are copied: the
+# front page shows them at once, testbed pages when they are next made.
 QUOTED := reports/quoted/recorded
 recorded: $(INSTALLED)  ## run the pipeline on recorded data: make recorded DATA=FOLDER
 	export RECORDED_DATA="$(abspath $(DATA))" $(IN_ENVIRONMENT) && targets=$$(python -m structlearn.tasks.task_entry public.yaml) && \
 	  dvc repro --quiet stages/tasks/dvc.yaml:code && \
-	  xargs --max-procs=2 --max-args=14 dvc --wait-for-lock repro --keep-going <<< "$$targets"
+	  xargs --max-procs=2 --max-args=32 dvc --wait-for-lock repro --keep-going --single-item <<< "$$targets"
 	export RECORDED_DATA="$(abspath $(DATA))" $(IN_ENVIRONMENT) && dvc repro --keep-going stages/tasks/dvc.yaml:calibration_report
 	$(IN_ENVIRONMENT) dvc repro --single-item stages/tasks/dvc.yaml:recorded_report
 	mkdir -p $(QUOTED)

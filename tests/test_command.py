@@ -32,7 +32,8 @@ def test_a_new_project_has_an_entry_a_pipeline_and_a_repository_of_its_own(lab, 
     monkeypatch.chdir(lab)
     task = read_task("pour")
     assert (task.source, task.topics.pose, len(task.segment.primitives)) == (str(bags), "/gripper/pose", 3)
-    assert targets("structlearn.yaml") == ["dvc.yaml:report_movement@pour", "dvc.yaml:view_movement@pour"]
+    stages = [*("import_movement", "segment", "primitives", "feedback", "skill", "check"), "report_movement"]
+    assert targets("structlearn.yaml") == [f"dvc.yaml:{stage}@pour" for stage in [*stages, "view_movement"]]
     assert (lab / ".dvc/config").exists()
     assert "/data/tasks" in (lab / ".gitignore").read_text()
 

@@ -1,17 +1,19 @@
 """Public sets: one that is here, one that is not, and the page over both; the commands that make them."""
 
 import re
+import shutil
 from pathlib import Path
 
 import pandas as pd
 import pytest
 import yaml
-from committed import own_tasks
+from committed import ROOT, own_tasks
 from test_own_demonstrations import QUICK, REACH, run_stages, write_reach
 
 from structlearn.core.errors import InputError
 from structlearn.reporting.claims import claims_table
 from structlearn.reporting.document import words_in_view
+from structlearn.tasks.project import CLONE
 from structlearn.tasks.recorded_index import judged_again, publish_index
 from structlearn.tasks.task_entry import targets
 
@@ -90,11 +92,12 @@ def test_verdicts_are_those_of_the_sets_beside_those_of_simulation(inside):
 
 
 def test_make_asks_for_the_stages_of_sets_whose_folder_is_there(inside, monkeypatch):
-    assert targets("public.yaml") == [
-        "stages/tasks/dvc.yaml:report_movement@moves",
-        "stages/tasks/dvc.yaml:view_movement@moves",
-        *targets("own.yaml", "arm"),
-    ]
+    shutil.copy(ROOT / CLONE / "dvc.yaml", CLONE)
+    of_arm = [f"stages/tasks/dvc.yaml:{stage}@arm" for stage in ("import_motion", "motion")]
+    asked = targets("public.yaml")
+    assert asked[0] == "stages/tasks/dvc.yaml:import_movement@moves"
+    assert asked[asked.index(of_arm[0]) :] == targets("own.yaml", "arm")
+    assert targets("own.yaml", "arm")[:2] == of_arm
     monkeypatch.setenv("RECORDED_DATA", "elsewhere")
     with pytest.raises(InputError, match=r"^elsewhere: holds no public set"):
         targets("public.yaml")

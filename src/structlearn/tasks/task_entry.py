@@ -11,7 +11,6 @@
 A part (`PARTS`) that an entry does not name is null, whatever its defaults.
 """
 
-import itertools
 import sys
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -155,7 +154,7 @@ def file_digests(source: str) -> dict[str, str]:
 
 
 def targets(which: str, name: str = "") -> list[str]:
-    """DVC targets for one task or for all of a file; entries are checked first.
+    """Stages of one task or of all of a file, as DVC targets in their order; entries are checked first.
 
     Raises InputError: an entry is not valid, or there is no public set.
     """
@@ -165,8 +164,13 @@ def targets(which: str, name: str = "") -> list[str]:
         folder = local_path("$DATA")
         raise InputError(f"{folder}: holds no public set; name their folder: make recorded DATA=FOLDER")
     kinds = {one: read_task(one).kind for one in ([name] if name else entries)}
-    pages = itertools.product(kinds.items(), ("report", "view"))
-    return [f"{project.pipeline()}:{stage}_{kind}@{one}" for (one, kind), stage in pages]
+    stages = read_values(project.pipeline())["stages"].items()
+    return [
+        f"{project.pipeline()}:{stage}@{one}"
+        for one, kind in kinds.items()
+        for stage, its in stages
+        if its.get("foreach") == f"${{{kind}}}"
+    ]
 
 
 if __name__ == "__main__":  # run before DVC, whose errors would not say what is wrong with an entry
