@@ -332,7 +332,10 @@ def with_other(how: Callable, every: Tables, columns: Mapping[str, Sequence[str]
 
 
 def never_no(page: Page, get: Callable[[str], Any]) -> tuple[set[Case], set[Case]]:
-    """All cases of a page's claims, and those that no change turns into a "no"."""
+    """All cases of a page's claims, and those that no change turns into a "no".
+
+    Changes are tried until all cases are found that do not hold by construction.
+    """
     several = page.results(get)
     every = set(found_for(page, page.evidence(several[0])))
     left = set(every)
@@ -343,7 +346,7 @@ def never_no(page: Page, get: Callable[[str], Any]) -> tuple[set[Case], set[Case
 
 def search(page: Page, results: Any, left: set[Case]) -> None:
     """Take away the cases that some change of the results turns into a "no"."""
-    known = page.known()
+    known, firm = page.known(), {claim.evidence for claim in page.claims if claim.by_construction}
     every = {place: table for place, table in tables(results).items() if page.chosen(place)}
     columns = {place: measured(table, known.get(place, set())) for place, table in every.items()}
 
@@ -373,7 +376,7 @@ def search(page: Page, results: Any, left: set[Case]) -> None:
         rest_on_it = set().union(*map(resting, tried)) if tried else set(left)
         whole = ([with_other(how, one, columns)] for how in HOW if how not in (noise, raised))
         for group in chain(whole, changes(place, table, columns[place])):
-            if not left & rest_on_it:
+            if not any(case[0] not in firm for case in left & rest_on_it):
                 break
             for number, changed in enumerate(group):
                 its = found(changed)
