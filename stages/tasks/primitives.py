@@ -35,7 +35,8 @@ def main(files: TaskFiles) -> None:
                 path = folder / f"traces/{name}.safetensors"
                 write_vector_primitive(primitive, path, "electrode counts without offset")
         write_tables(tables, folder)
-    print("mean distance from demonstrations:", ", ".join(f"{key} {value:.3g}" for key, value in fit.items()))
+    found = (f"{key.removeprefix('primitives_')} {value:.3g}" for key, value in fit.items())
+    print("mean distance from demonstrations:", ", ".join(found))
 
 
 if __name__ == "__main__":
