@@ -14,7 +14,7 @@ from structlearn.avoidance.shapes import SHAPES
 from structlearn.reporting.claims import judge, read_claims
 from structlearn.reporting.document import Document, Source, Table, environment
 from structlearn.reporting.findings import Findings
-from structlearn.reporting.studies import extended, provenance, read_study, rests_on
+from structlearn.reporting.studies import extended, rests_on
 from structlearn.testbeds.obstacles import files
 from structlearn.testbeds.obstacles.names import DEMONSTRATIONS, KINDS, RULES, SITUATIONS, SOURCES, model_name
 from structlearn.testbeds.obstacles.page.findings import (
@@ -41,8 +41,6 @@ from structlearn.testbeds.obstacles.world.scenarios import END_CLEARANCE_M
 
 PACKAGE = "structlearn.testbeds.obstacles.page"
 FOLDER = Path(__file__).parent
-
-STUDIES = ("members", "displaced")  # quoted on the page
 
 WRITTEN_BY = {
     "recorded": Source(files.RUNS, "obstacles_demonstrate"),
@@ -101,19 +99,7 @@ def facts(results: ObstacleResults, published: Mapping[str, Any]) -> dict[str, A
             results.hits(protocol, kind, source) for kind in (NETWORK, ENSEMBLE) for source in EVERY
         ),
         "rai_hits": lambda protocol: max(results.hits(protocol, HUMAN_INSPIRED, shape) for shape in SHAPES),
-        "studies": {name: worst_hits(f"obstacles/{name}") for name in STUDIES},
     }
-
-
-def worst_hits(study: str) -> str:
-    """Most unseen spheres hit by anyone, by variant of a study, and the study's provenance, as text."""
-    found = read_study(study)
-    if found is None:
-        return ""
-    columns = [f"hits_unseen_{shape}_worst_person" for shape in SHAPES]
-    means = found.table.groupby("variant", sort=False)[columns].mean().mean(axis=1)
-    quoted = "; ".join(f"{variant}: {value:.1f}" for variant, value in means.items())
-    return f"{quoted} ({provenance(found)})"
 
 
 PRINTED, HERE = "dissertation", "here"
