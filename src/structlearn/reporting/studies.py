@@ -163,7 +163,7 @@ def provenance(study: Study) -> str:
         return f"{words}, not repeated since"
     outcome = f"{', '.join(again.different)} differ" if again.different else "equal"
     if not again.exact and not again.different:
-        outcome = "equal within 0.1 % on another processor"
+        outcome = "on average within 5 % of a standard deviation on another processor"
     return f"{words}; cell {again.cell} repeated by {again.commit}: {again.compared} numbers, {outcome}"
 
 

@@ -47,7 +47,9 @@ from structlearn.reporting.studies import (
 DESCRIPTIONS = Path("stages/studies/studies.yaml")
 CELLS = Path("data/studies")
 FINDINGS = "findings"  # table that becomes one row per variant and cell
-TOLERANCE = 1e-3  # relative, for another type of processor, whose kernels round differently
+TOLERANCE = 0.05
+"""Mean deviation of a column over its standard deviation in the study, on another type of processor: kernels
+round differently, and training and simulation drift apart, by up to 0.02 where nothing else changed."""
 
 
 class Variant(Parameters):
@@ -283,19 +285,20 @@ def compare(found: Mapping[str, pd.DataFrame], study: Study, cell: str, root: Pa
         new = found[name].reset_index(drop=True)
         for column in table.columns.drop(KEYS):
             compared += len(known)
-            alike = column in new and len(new) == len(known) and _alike(known[column], new[column], exact)
+            spread = 0.0 if exact or not pd.api.types.is_numeric_dtype(table[column]) else table[column].std()
+            alike = column in new and len(new) == len(known) and _alike(known[column], new[column], spread)
             different += [] if alike else [f"{name}.{column}"]
     made = {"cell": cell, "commit": source_commit(root=root), "processor": here}
     return Check(**made, exact=exact, compared=compared, different=different)
 
 
-def _alike(known: pd.Series, new: pd.Series, exact: bool) -> bool:
-    """Whether two columns are equal, within `TOLERANCE` unless `exact`."""
+def _alike(known: pd.Series, new: pd.Series, spread: float) -> bool:
+    """Whether two columns are equal, on average within `TOLERANCE` of a spread."""
     if not (pd.api.types.is_numeric_dtype(known) and pd.api.types.is_numeric_dtype(new)):
         return bool((known.fillna("").astype(str) == new.fillna("").astype(str)).all())
     first, second = known.to_numpy(float), new.to_numpy(float)
-    tolerance = 0.0 if exact else TOLERANCE
-    return bool(np.isclose(first, second, rtol=tolerance, atol=0.0, equal_nan=True).all())
+    off = np.where(np.isnan(first) & np.isnan(second), 0.0, np.abs(first - second))
+    return bool(off.mean() <= TOLERANCE * np.nan_to_num(spread))  # one value has no deviation
 
 
 if __name__ == "__main__":
