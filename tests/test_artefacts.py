@@ -93,15 +93,18 @@ def test_a_table_comes_back_and_its_index_does_not_matter(tmp_path):
     assert b"pandas" not in (tmp_path / "t.parquet").read_bytes()  # its version would change the bytes
 
 
-def test_pages_that_the_footer_ascribes_to_another_column_are_an_error(tmp_path):
+@pytest.mark.parametrize(
+    ("swapped", "complaint"),
+    [(b"ba", "damaged.*columns are not as written"), (b"\xff\xfe", "not a readable")],
+)
+def test_pages_that_the_footer_ascribes_to_another_column_are_an_error(tmp_path, swapped, complaint):
     """No checksum of Parquet covers its footer."""
     path = tmp_path / "table.parquet"
     artefacts.write_table(pd.DataFrame({"a": [1.0, 2.0], "b": [3.0, 4.0]}), path)
-    first, second = b"\x19\x18\x01a", b"\x19\x18\x01b"  # path of a column, in the description of its pages
-    pages, _, between = path.read_bytes().partition(first)
-    between, _, rest = between.partition(second)
-    path.write_bytes(pages + second + between + first + rest)
-    with pytest.raises(InputError, match=r"table.parquet: damaged.*columns are not as written"):
+    before = b"\x19\x18\x01"  # of a column's path, in the description of its pages
+    pages, between, rest = re.split(before + b"[ab]", path.read_bytes())
+    path.write_bytes(pages + before + swapped[:1] + between + before + swapped[1:] + rest)
+    with pytest.raises(InputError, match=f"table.parquet: .*{complaint}"):
         artefacts.read_table(path)
 
 

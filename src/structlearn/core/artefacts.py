@@ -52,7 +52,7 @@ def read_table(path: str | Path, needed: Sequence[str] = ()) -> pd.DataFrame:
 
 def read_arrow(path: str | Path) -> pyarrow.Table:
     """Read an Arrow table of `write_arrow` or `write_table`. Raises InputError: it is damaged."""
-    damaged = (pyarrow.ArrowException, OSError)  # OSError: damaged pages
+    damaged = (pyarrow.ArrowException, OSError, UnicodeDecodeError)  # the last two: pages, names of columns
     with (
         _readable(path, "readable Parquet", *damaged, whole=False),
         pyarrow.parquet.ParquetFile(path, page_checksum_verification=True) as file,
