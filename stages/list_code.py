@@ -9,6 +9,7 @@ from pathlib import Path
 
 import yaml
 
+from structlearn.core.errors import InputError
 from structlearn.core.params import value_at
 from structlearn.core.publication import publish
 from structlearn.core.source_closure import SourceTree
@@ -27,10 +28,12 @@ def scripts(pipeline: str) -> Iterator[Path]:
 
 
 def main() -> None:
-    pipeline, *shared = sys.argv[1:]
-    sources = SourceTree(Path("src"))
+    pipeline, *shared = sys.argv[1:] or [""]
+    listed, sources = list(scripts(pipeline)), SourceTree(Path("src"))
+    if not listed:
+        raise InputError(f"{sys.argv[0]}: which pipeline? main, or a folder of stages with a dvc.yaml")
     with publish(Path("data/code", pipeline)) as folder:
-        sources.write(scripts(pipeline), folder, SCRIPTS if pipeline == "main" else SCRIPTS / pipeline)
+        sources.write(listed, folder, SCRIPTS if pipeline == "main" else SCRIPTS / pipeline)
         for key in shared:
             (folder / f"{key}.yaml").write_text(yaml.safe_dump(value_at(PARAMETER_FILE, key)))
 

@@ -134,6 +134,18 @@ def test_every_iteration_draws_anew(uninterrupted):
     np.testing.assert_allclose([np.std(one) for one in drawn], 1.0, rtol=0.15)
 
 
+def test_the_search_starts_at_the_compressed_policy_with_the_given_standard_deviation(refined, uninterrupted):
+    _, states, _ = uninterrupted
+    np.testing.assert_allclose(states[0].covariance, EXPLORATION**2 * np.eye(KERNELS))
+    # with next to no exploration, every policy of an iteration is the one that it starts from
+    near, seen = PARAMETERS.model_copy(update={"search": LITTLE}), []
+    refined(MadeUp(), near, exploration=1e-9, report=seen.append)
+    for before, after in pairwise(seen):
+        own = after.policies[len(before.policies) :]
+        np.testing.assert_allclose(own, np.tile(before.compressed, (len(own), 1)), atol=1e-6)
+    assert np.abs(seen[1].policies[-1] - seen[1].compressed).max() > 0.1  # or the two could not be told apart
+
+
 def test_seeds_follow_from_iteration_kind_and_number(uninterrupted, refined):
     """Those of networks from kind and number alone: all iterations meet equal conditions."""
     environment, _, result = uninterrupted
