@@ -72,7 +72,7 @@ def test_pybullet_and_a_loop_follow(short_skill):
         ("follower_loop", [], 2, "follower_loop.py: error: the following arguments are required: file"),
         ("follower_loop", ["none", "--gui"], 2, "follower_loop.py: error: unrecognized arguments: --gui"),
         ("learn_from_bags", [], 2, "learn_from_bags.py: error: the following arguments are required: name"),
-        ("learn_from_bags", ["."], 1, "error: '.': a task's name has"),
+        ("learn_from_bags", ["pick"], 1, "error: structlearn.yaml: no such file here"),
         ("read_results", [], 1, "error: reports: no such folder; go to the project's root first"),
     ],
 )
