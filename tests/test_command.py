@@ -133,6 +133,20 @@ def test_a_folder_that_cannot_be_written_is_named_before_dvc_starts(lab, monkeyp
     assert capfd.readouterr() == ("", f"error: {lab}: cannot be written: {error.strerror}\n")
 
 
+def test_a_command_leaves_the_working_directory_alone(tmp_path, monkeypatch):
+    there = []
+
+    def looked_at():
+        there.extend(tmp_path.iterdir())
+        return project.PACKAGED / project.DEFAULTS
+
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setattr(sys, "argv", ["bin/structlearn", "defaults"])
+    monkeypatch.setattr(project, "defaults_file", looked_at)
+    command.main(["defaults"])
+    assert not there
+
+
 def test_the_version_is_printed(capsys):
     with pytest.raises(SystemExit) as ended:
         command.main(["--version"])
