@@ -12,7 +12,8 @@ from functools import cache
 from pathlib import Path
 
 DATA_SUFFIXES = (".yaml", ".jinja", ".css", ".js")  # data that modules read from their folder, or below it
-MODULE_NAME = re.compile(r"structlearn(\.\w+)+\.?")
+PACKAGE = "structlearn"
+MODULE_NAME = re.compile(rf"{PACKAGE}(\.\w+)+\.?")
 
 
 class SourceTree:
@@ -75,6 +76,8 @@ class SourceTree:
 
     def _searched(self, name: str) -> set[Path]:
         parts = name.rstrip(".").split(".")
+        if parts[0] != PACKAGE:  # others stand beside it in an environment
+            return set()
         place = self.root.joinpath(*parts[:-1])
         if (place / "__init__.pyi").exists() and (module := self._face(place).get(parts[-1])):
             parts[-1] = module

@@ -73,7 +73,8 @@ def _alone() -> Iterator[None]:
     """Lock the stage (of its task, if it has one) against other processes in this folder."""
     script, *words = sys.argv
     package, path = Path(__file__).parents[1], Path(script).resolve()
-    if path.is_relative_to(package) and path.parent.name != "stages":  # a command of the package
+    in_package = path.is_relative_to(package) and path.parent.name != "stages"
+    if in_package or path.name == package.name:  # a command of the package, or the program `structlearn`
         yield
         return
     words = words or [os.environ.get(RUN_BY_DVC, "").partition("@")[2]]
