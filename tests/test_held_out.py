@@ -19,10 +19,12 @@ from typing import Any
 import numpy as np
 import pandas as pd
 import pytest
+import sklearn.linear_model
 import test_movement_phase_corrections
 import test_simulation_board_refinement
 import test_task_motion
 import test_tasks_obstacles
+import test_torque_parts
 import test_touch_skin
 import test_touch_transfer
 import torch
@@ -75,16 +77,19 @@ from structlearn.rigid_body.payload import PayloadLearningParameters, learn_payl
 from structlearn.segmentation.segments import cut
 from structlearn.tactile import latent_comparison
 from structlearn.tactile.latent_parameters import LatentParameters
-from structlearn.tactile.pressed_skin import held_out
+from structlearn.tactile.pressed_skin import PressedSkin, held_out
 from structlearn.tactile.touch_dataset import TRAIN
-from structlearn.tasks.motion.joint_motion import learn_motion
+from structlearn.tasks.motion import joint_motion, torque_parts
+from structlearn.tasks.motion.joint_motion import choose_networks, learn_motion
+from structlearn.tasks.motion.motion_parameters import LEARNED, NetworkChoiceParameters
 from structlearn.tasks.movement import feedback_learning
 from structlearn.tasks.movement.movement_learning import segmented
 from structlearn.tasks.movement.movement_parameters import TaskFeedbackParameters
 from structlearn.tasks.movement.phase_corrections import _split, corrected_runs, learn_corrections
 from structlearn.tasks.obstacles import coupling_representations
 from structlearn.tasks.obstacles.coupling_representations import RepresentationParameters
-from structlearn.tasks.touch import skin_protocol, skin_readings, surface_traces, touch_transfer
+from structlearn.tasks.touch import skin_force, skin_protocol, skin_readings, surface_traces, touch_transfer
+from structlearn.tasks.touch.skin_touches import learn_skin
 from structlearn.tasks.touch.surface_traces import deviations_from_expected
 from structlearn.tasks.touch.touch_names import MAGNITUDES, NEW_TRIALS
 from structlearn.tasks.touch.touch_names import SLIDES as SLIDE_SET
@@ -279,6 +284,17 @@ def slides_left_out(monkeypatch, tmp_path):
     return Case(lambda its: learn(its)[1], slid(), slid("mat_2"), slid("mat_1"))
 
 
+@of_stage("tasks/touch")
+def other_materials(monkeypatch, tmp_path):
+    learn = each(
+        monkeypatch,
+        surface_traces,
+        "fit_expected_traces",
+        lambda its: surface_traces.across_materials(its, SLIDES),
+    )
+    return Case(lambda its: learn(its)[0], slid(), slid("cork_1"), slid("mat_2"))
+
+
 # --- feedback ----------------------------------------------------------------------------------------------
 
 FEEDBACK = committed(
@@ -352,6 +368,21 @@ def representations(monkeypatch, tmp_path):
         yield Case(learn, data, corrected(data, rows), trained_on)
 
 
+@of_stage("scraping/compare_models")
+def steps_of_representations(monkeypatch, tmp_path):
+    """Samples that choose the step train nothing: of a single step there is no choice."""
+    once_evaluated = TRAINING.model_copy(update={"evaluate_every": TRAINING.steps})
+    data = toy_dataset(samples=(30, 35))
+    fold = leave_one_out(data, TRAINING.chunk_samples, TRAINING.seed)[LEFT_OUT]
+
+    def learn(dataset):
+        found = compare_representations({"turn": dataset}, once_evaluated)["turn"]
+        chosen = (found["fold"] == LEFT_OUT) & (found["stopping"] == "validation")
+        return found.loc[chosen, ["step", "train", "dimensions"]]
+
+    return Case(learn, data, corrected(data, fold.validation), corrected(data, fold.train[:1]))
+
+
 @of_stage("scraping/refine")
 def refinement(monkeypatch, tmp_path):
     """Before and after: demonstrations on the board's new tilt are never read."""
@@ -412,6 +443,25 @@ def feedback_of_a_task(monkeypatch, tmp_path):
     data, trained_on = corrections(), corrections("b")
     for network, left_out in enumerate(("only tests", "a")):
         yield Case(lambda its, network=network: learn(its)[network], data, corrections(left_out), trained_on)
+
+
+@of_stage("tasks/feedback")
+def uncorrected_executions(monkeypatch, tmp_path):
+    """Every other execution only tests the networks that were learned without a setting."""
+    data, level = toy_dataset(settings=KNOWN), toy_dataset(settings=(0.0,), seed=1)
+    data = replace(data, setting=np.where(data.setting == KNOWN[0], "a", "b"))
+    level = replace(
+        level, setting=np.full(len(level.target), feedback_learning.LEVEL), target=0 * level.target
+    )
+    odd = level.demonstration % 2 == 1
+    learn = each(
+        monkeypatch,
+        feedback_learning,
+        "_trained",
+        lambda its: feedback_learning._learned({"scrape": {"x": data}}, {"scrape": its}, OWN_FEEDBACK),
+    )
+    changed = [with_wobbling(level, rows, "deviation") for rows in (odd, ~odd)]
+    return Case(lambda its: learn(its)[1:], level, *changed)
 
 
 # --- obstacles ---------------------------------------------------------------------------------------------
@@ -540,12 +590,16 @@ def payload(monkeypatch, tmp_path):
 
 
 def learned_motion(folder: Path, robot, logs, parameters):
-    """What is learned from logs, apart from errors on what is held out."""
+    """What is learned from logs, and torques that it predicts, apart from errors on what is held out."""
     source, target = folder / "arm.urdf", folder / "out"
     source.write_text(test_task_motion.ARM)
     target.mkdir(exist_ok=True)
     models, tables = learn_motion(robot, {log.name: log for log in logs}, parameters, source, target)
     learned = [tables[name] for name in ("base", "gravity", "choice", "gains", "bodies") if name in tables]
+    learned.append(tables["traces"].drop(columns="measured"))  # least squares' too, which is no model
+    if "carried" in tables:
+        carried = tables["carried"]
+        learned.append(carried.loc[carried["stage"] == LEARNED, ["mass_kg", "moment_x_kg_m"]])
     return models, learned, (target / "identified.urdf").read_text()
 
 
@@ -612,6 +666,53 @@ def ur10e(monkeypatch, tmp_path):
     return Case(learn, data, changed("test", "trainLoad"), changed("train"))
 
 
+@of_stage("tasks/motion")
+def settings_of_networks(monkeypatch, tmp_path):
+    """The end of the training motion chooses among networks of its start."""
+    parameters = NetworkChoiceParameters(
+        **{"train_share": 0.5, "hidden": ((4,),), "rates": (0.01, 0.02), "epochs": (1,), "batch": 32},
+        **{"second_moment_decay": 0.99, "choice_seeds": 1, "seeds": 1},
+    )
+    tree, data = arm().tree, rubbing_motion(arm()).part(slice(0, 100))
+    learn = each(
+        monkeypatch,
+        joint_motion,
+        "DynamicsModels",
+        lambda its: choose_networks(tree, its, parameters),
+    )
+    return Case(learn, data, pushed(data, slice(50, None)), pushed(data, slice(0, 1)))
+
+
+@of_stage("tasks/motion")
+def parts_of_torques(monkeypatch, tmp_path):
+    """Networks and planar arms, of the authors' choice of logs and of a random one."""
+    toy = test_torque_parts
+    quick = {"left_out": ("p",), "seeds": 2, "splits": 2, "epochs": 1, "batch": 64}
+    quick |= {"hidden": {"mlp": (4,), "delan": (4,)}}
+    quick["published"] = dict.fromkeys(("torque", "coriolis", "inertial", "gravity", "power"), 1e-3)
+    parameters = committed_entry("delan_characters", parts=quick).parts
+    data = {name: toy.log(name, seed) for seed, name in enumerate("pqr")}
+    (*_, (left_out,)), names = torque_parts.held_out(list(data), parameters)[2], iter(range(99))
+
+    def run(logs):
+        return torque_parts.learn_parts(logs, parameters, 5, tmp_path / str(next(names)))
+
+    changed = {
+        name: data | {name: with_wobbling(its, slice(None), "positions", "torques")}
+        for name, its in data.items()
+    }
+
+    networks = each(monkeypatch, torque_parts, "learned_networks", run)
+    arms = each(monkeypatch, torque_parts, "fit_planar_arm", networks)
+    for choice, fit, apart in ((0, 0, "p"), (2, 1, left_out)):  # planar arms have no seeds
+        other = next(name for name in data if name != apart)
+        for learned in (
+            lambda logs, fit=fit: arms(logs)[fit],
+            lambda logs, choice=choice: [of_kind[choice] for of_kind in networks(logs)],
+        ):
+            yield Case(learned, data, changed[apart], changed[other])
+
+
 # --- touch -------------------------------------------------------------------------------------------------
 
 LATENT = committed(
@@ -663,8 +764,16 @@ def recorded_touch(monkeypatch, tmp_path):
     (first, *_), *_ = touch_transfer.parts_left_out(data[0], toy.FEW.folds)[NEW_TRIALS]
     spaces = each(monkeypatch, touch_transfer, "learn_spaces", learn)
     units = each(monkeypatch, touch_transfer, "own_units", spaces)
+    errors = each(monkeypatch, touch_transfer, "_errors", units)
+
+    def on_known(its):
+        """Errors on what all models, components among them, were learned from."""
+        return [table[table["new"] == touch_transfer.LEARNED] for table in errors(its)]
+
     sets = data, changed(first), changed(first + 1)
-    return [Case(lambda its, learned=learned: learned(its)[0], *sets) for learned in (units, spaces)]
+    return [
+        Case(lambda its, learned=learned: learned(its)[0], *sets) for learned in (on_known, units, spaces)
+    ]
 
 
 SKIN = committed_entry(
@@ -701,6 +810,99 @@ def recorded_skin(monkeypatch, tmp_path):
     yield Case(lambda its: learn(its)[0], data, one_block, changed(0, fold == 1))
 
 
+@of_stage("tasks/touch")
+def readings_of_a_skin(monkeypatch, tmp_path):
+    """What all models read from touches known to them, beside others: of a fold and of another run."""
+    toy, real, known = test_touch_skin, skin_readings.readings, []
+    monkeypatch.setattr(skin_readings, "TUNING_SAMPLES", 20)
+
+    def remembered(learned, training, asked):
+        run, rows = training
+        both = zip(*(vars(its).values() for its in (run.skin(rows), asked)), strict=True)
+        beside = real(learned, training, PressedSkin(*map(np.concatenate, both)))
+        known.append([[its[: len(rows)] for _, its in arrays(one) if np.ndim(its)] for one in beside])
+        return real(learned, training, asked)
+
+    monkeypatch.setattr(skin_readings, "readings", remembered)
+    data = [toy.toy_run("a", 1, depth_mm=1.0, size=7), toy.toy_run("b", 2, size=7)]
+    fold = held_out(data[0].place[:, :2], 1e-3 * SKIN.block_mm, SKIN.folds)[1]
+    first = toy.touches(data[0], SKIN)
+    spaces = learn_skin(first, np.full(len(first.counts), True), with_dynamics=False)
+
+    def learn(logs, of_fold):
+        run, other = (toy.touches(log, SKIN) for log in logs)
+        skin_readings.place_errors((spaces, run, 1 if of_fold else other))
+        return known.pop()
+
+    def changed(run, rows):
+        return swapped(data, run, with_wobbling(data[run], rows, "counts"))
+
+    trained_on = changed(0, fold == 0)
+    yield Case(partial(learn, of_fold=True), data, changed(0, fold == 1), trained_on)
+    yield Case(partial(learn, of_fold=False), data, changed(1, slice(None)), trained_on)
+
+
+@of_stage("tasks/touch")
+def end_of_a_run(monkeypatch, tmp_path):
+    """Processes of a run's start, and among them those of its first part, by which inputs are chosen."""
+    monkeypatch.setattr(skin_readings, "TUNING_SAMPLES", 20)
+    share = 0.8
+    whole = test_touch_skin.toy_strokes("a", presses=1)
+    kept = np.flatnonzero(np.isfinite(whole.force))
+    end = round(share * len(kept))
+    inner = round((1.0 - (1.0 - share) / share) * end)
+    learn = each(
+        monkeypatch,
+        skin_readings,
+        "gaussian_process",
+        lambda log: skin_readings.within_runs([log], share),
+    )
+
+    def changed(first, last=None):
+        return with_wobbling(
+            whole, slice(kept[first], None if last is None else kept[last]), "counts", "force"
+        )
+
+    yield Case(learn, whole, changed(end), changed(9, 12))
+    yield Case(lambda log: learn(log)[:-1], whole, changed(inner, end), changed(9, 12))
+
+
+@of_stage("tasks/touch")
+def forces(monkeypatch, tmp_path):
+    """Without one press, which also changes no lag; and of a whole recording beside another one."""
+    monkeypatch.setattr(skin_readings, "TUNING_SAMPLES", 20)
+    parameters, presses = SKIN.force.model_copy(update={"longest_lag_s": 0.8, "penalties": (0.1,)}), 4
+    logs = [test_touch_skin.toy_strokes(name, presses, gain) for name, gain in (("a", 1.0), ("b", 1.1))]
+    data = [replace(log, channels=log.channels[:3], counts=log.counts[:, :3]) for log in logs]
+    models = each(monkeypatch, skin_force, "_models", lambda its: skin_force.force_errors(its, parameters, 9))
+    process = each(monkeypatch, skin_force, "_process", models)
+
+    def changed(run, *pressed):
+        time = data[run].time
+        rows = np.isin(time // 20.0, pressed) & (np.abs(time % 20.0 - 10.0) < 6.0)
+        return swapped(data, run, with_wobbling(data[run], rows, "counts", "force"))
+
+    other, one, trained_on = changed(1, *range(presses)), changed(0, LEFT_OUT), changed(0, ANOTHER)
+    yield Case(lambda its: process(its)[0], data, other, trained_on)
+    yield Case(lambda its: models(its)[presses], data, other, trained_on)
+    yield Case(lambda its: models(its)[LEFT_OUT], data, one, trained_on)
+
+
+@of_stage("tasks/touch")
+def penalty_of_forces(monkeypatch, tmp_path):
+    """Presses that choose the penalty, every third, train nothing that they choose among."""
+    rng, press = np.random.default_rng(0), np.repeat(np.arange(6), 8)
+    data = skin_force.WeighedPresses(np.arange(48.0), rng.normal(size=(48, 3)), rng.normal(size=48), press)
+    learn = each(
+        monkeypatch, sklearn.linear_model, "Ridge", lambda its: skin_force._quadratic(its, (0.1, 1.0))
+    )
+
+    def changed(rows):
+        return data._replace(channels=wobbling(data.channels, rows), force=wobbling(data.force, rows))
+
+    return Case(lambda its: learn(its)[0], data, changed(press % 3 == 0), changed(press == 1))
+
+
 # --- the tests ---------------------------------------------------------------------------------------------
 
 
@@ -724,6 +926,8 @@ def arrays(models: Any, name: str = "") -> Iterator[tuple[str, np.ndarray]]:
     elif isinstance(models, FunctionType):
         inside = inspect.getclosurevars(models).nonlocals
         yield from arrays(inside, name)
+    elif isinstance(models, np.random.RandomState):
+        yield from arrays(models.get_state(), name)
     elif hasattr(models, "to_arrays"):
         yield from arrays(models.to_arrays(), name)
     elif hasattr(models, "__dict__"):
