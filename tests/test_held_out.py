@@ -1,12 +1,14 @@
 """What is held out trains nothing: models are the same to the bit, whatever the data held out say.
 
-Every stage that fits something has a case here, or says why it holds nothing out. A case runs what its stage
-calls on small data three times: as they are, with what is held out changed, and with something changed that
-is learned from. The models may not change but for the last. Of a cross-validation they are those of one fold.
+Every stage and every function that fits something has a case here, or says why it holds nothing out. A case
+runs what its stage calls on small data three times: as they are, with what is held out changed, and with
+something changed that is learned from. The models may not change but for the last. Of a cross-validation they
+are those of one fold.
 
 Places are what folds and distances on a skin are made of, so of touches the readings are changed.
 """
 
+import ast
 import inspect
 import re
 from collections.abc import Callable, Iterator, Mapping
@@ -41,6 +43,7 @@ from test_obstacles_models import SCENARIOS
 from test_obstacles_models import toy_dataset as toy_reaches
 from test_tasks_obstacles import phase_dependent
 
+import structlearn
 from structlearn.avoidance import scene_models
 from structlearn.avoidance.avoidance_dataset import AvoidanceDataParameters
 from structlearn.avoidance.network_training import NetworkParameters, held_out_rows
@@ -65,6 +68,7 @@ from structlearn.feedback.feedback_models import (
     compare_representations,
     train_models,
 )
+from structlearn.networks.torch_settings import one_thread
 from structlearn.primitives import fitting
 from structlearn.primitives.fitting import FitParameters, cross_validation
 from structlearn.primitives.position import fit_position
@@ -122,6 +126,25 @@ HOLDS_NOTHING_OUT = {
 }
 """Why stages have no case."""
 
+FITS_ALL = {
+    "call those that have a case": "touch_transfer.compare_sets "
+    "avoidance_fits._errors fitting.learn_sequence fitting.cross_validation",
+    "what is compared with itself": "movement_learning.reproduction movement_learning.turns "
+    "drives_and_load.payload_check touch_calibration.variance_shares trainings._once_through",
+    "traces of all runs that are given": "feedback_learning.learn_feedback movement_learning.learn_traces",
+    "call the training of `train_latent` for another skin": "servo_trials.learn_other_skin",
+}
+"""Why functions that fit have no case."""
+
+LEARNERS = (
+    r"_?(fit|learn|train)(_\w+)?|\w*[Ll]earner|lstsq|least_squares|svd|PCA|polynomial|\w+_process|own_units"
+)
+SEPARATES = r"held_out|left_out|leave_one_out|TRAIN|[Ff]olds?|judged"
+"""Names of what fits, and names in modules below tasks and testbeds that hold something out."""
+
+DRAWS = r"page|views|world|simulation|reporting|viewer|\w+_(section|view|figures)"
+"""Packages and modules that fit nothing, or show or simulate it."""
+
 SHOWS = ("report", "view", "list_code", "loop", "make_example")
 """Stages that show what others wrote, or list sources."""
 
@@ -140,9 +163,16 @@ CASES: list[tuple[str, Callable[..., Case]]] = []
 """Stage, and what makes its case from pytest's `monkeypatch` and a folder."""
 
 
-def of_stage(*stages: str) -> Callable[[Callable[..., Case]], Callable[..., Case]]:
+FITS: dict[str, str] = {}
+"""Functions that fit something, by the case that compares what they learn."""
+
+
+def of_stage(*stages: str, fits: str = "") -> Callable[[Callable[..., Case]], Callable[..., Case]]:
+    """Register a case of stages, and the functions (`module.name`) whose fits it compares."""
+
     def registered(make: Callable[..., Case]) -> Callable[..., Case]:
         CASES.extend((stage, make) for stage in stages)
+        FITS.update(dict.fromkeys(fits.split(), make.__name__))
         return make
 
     return registered
@@ -196,6 +226,9 @@ def swapped(items: list, place: int, one: Any) -> list:
     return [*items[:place], one, *items[place + 1 :]]
 
 
+PACKAGE = Path(structlearn.__file__).parent
+
+
 # --- primitives --------------------------------------------------------------------------------------------
 
 FIT = committed(FitParameters, "fit_primitives", kernel_count=8)
@@ -212,7 +245,7 @@ def demonstrations(stretches=(1.0, 1.2, 0.85)) -> list[Demonstration]:
     return [two_move_demonstration(f"{place}", one) for place, one in enumerate(stretches)]
 
 
-@of_stage("scraping/fit_primitives", "tasks/primitives")
+@of_stage("scraping/fit_primitives", "tasks/primitives", fits="fitting._left_out fitting.learn_primitive")
 def primitives(monkeypatch, tmp_path):
     """Of every primitive and regression, the primitive learned from all demonstrations but one."""
     data = demonstrations()
@@ -266,14 +299,14 @@ def slid(changed: str = "") -> list[Demonstration]:
     return found
 
 
-@of_stage("tasks/touch")
+@of_stage("tasks/touch", fits="surface_traces.deviations_from_expected")
 def expected_of_slides(monkeypatch, tmp_path):
     learn = once(lambda its: deviations_from_expected(its, SLIDES)[0])
     data, trained_on = slid(), slid("mat_2")
     return [Case(learn, data, slid(held_out), trained_on) for held_out in ("mat_3", "cork_1")]
 
 
-@of_stage("tasks/touch")
+@of_stage("tasks/touch", fits="surface_traces.leave_one_out")
 def slides_left_out(monkeypatch, tmp_path):
     learn = each(
         monkeypatch,
@@ -284,7 +317,7 @@ def slides_left_out(monkeypatch, tmp_path):
     return Case(lambda its: learn(its)[1], slid(), slid("mat_2"), slid("mat_1"))
 
 
-@of_stage("tasks/touch")
+@of_stage("tasks/touch", fits="surface_traces.across_materials")
 def other_materials(monkeypatch, tmp_path):
     learn = each(
         monkeypatch,
@@ -313,7 +346,10 @@ def corrected(dataset: CouplingDataset, rows: np.ndarray) -> CouplingDataset:
     return with_wobbling(dataset, rows, "deviation", "target")
 
 
-@of_stage("scraping/train_feedback")
+@of_stage(
+    "scraping/train_feedback",
+    fits="coupling_model.train_final supervised_training.train_stack feedback_models._trained",
+)
 def final_feedback(monkeypatch, tmp_path):
     """By the model's own split: samples that test, and settings that nobody learns from."""
     whole, level = toy_dataset(seed=0), toy_dataset(settings=(0.0,), seed=1)
@@ -351,7 +387,10 @@ def start_of_unrolled_feedback(monkeypatch, tmp_path):
     return Case(learn, data, corrected(data, chooses), corrected(data, trained_on))
 
 
-@of_stage("scraping/compare_models")
+@of_stage(
+    "scraping/compare_models",
+    fits="feedback_models._evaluated autoencoded.autoencoder pca.principal_components",
+)
 def representations(monkeypatch, tmp_path):
     """Of one fold, errors on what every representation was learned from, at the step validation chose."""
     data = toy_dataset(samples=(30, 35))
@@ -383,7 +422,7 @@ def steps_of_representations(monkeypatch, tmp_path):
     return Case(learn, data, corrected(data, fold.validation), corrected(data, fold.train[:1]))
 
 
-@of_stage("scraping/refine")
+@of_stage("scraping/refine", fits="board_refinement._learned")
 def refinement(monkeypatch, tmp_path):
     """Before and after: demonstrations on the board's new tilt are never read."""
     boards = test_simulation_board_refinement
@@ -419,7 +458,7 @@ def felt(demonstration: Demonstration, push: float = 0.0) -> Demonstration:
     )
 
 
-@of_stage("tasks/feedback")
+@of_stage("tasks/feedback", fits="feedback_learning._trained")
 def feedback_of_a_task(monkeypatch, tmp_path):
     """The final network and one that was learned without a setting, of one axis."""
     runs = [felt(one) for one in demonstrations()]
@@ -467,7 +506,7 @@ def uncorrected_executions(monkeypatch, tmp_path):
 # --- obstacles ---------------------------------------------------------------------------------------------
 
 
-@of_stage("obstacles/dataset")
+@of_stage("obstacles/dataset", fits="avoidance_scores.person_data")
 def unhindered_reach(monkeypatch, tmp_path):
     """The baseline knows of no reach past an obstacle."""
     scene = committed(SceneParameters, "obstacle_scene", settings=1)
@@ -483,7 +522,7 @@ def unhindered_reach(monkeypatch, tmp_path):
     return Case(learn, sets, [sets[0], *(moved(its, 0) for its in sets[1:])], [moved(sets[0], 0), *sets[1:]])
 
 
-@of_stage("obstacles/train")
+@of_stage("obstacles/train", fits="avoidance_fits.learn learned_models.train_phase_modulated")
 def avoidance(monkeypatch, tmp_path):
     """Networks and ensembles, of each setting, each shape and all; Rai et al.; phase-modulated ones."""
     data = toy_reaches(scenarios=len(SCENARIOS), samples=20)
@@ -496,7 +535,7 @@ def avoidance(monkeypatch, tmp_path):
     return Case(learn, data, tested, with_wobbling(data, ~held, "target"))
 
 
-@of_stage("tasks/obstacles")
+@of_stage("tasks/obstacles", fits="coupling_representations._fitted coupling_representations._ridge")
 def coupling_of_samples(monkeypatch, tmp_path):
     """Every representation on the second block."""
     network = {"hidden": (4,), "members": 2, "training": {"iterations": 2}}
@@ -521,7 +560,7 @@ def coupling_of_samples(monkeypatch, tmp_path):
     return Case(lambda its: learn(its)[1::2], data, tested, trained_on)
 
 
-@of_stage("tasks/obstacles")
+@of_stage("tasks/obstacles", fits="scene_folds.judge_folds")
 def reaches_past_boxes(monkeypatch, tmp_path):
     """Of three people, on one of whom constants were chosen: what was learned without the second."""
     boxes = test_tasks_obstacles
@@ -547,7 +586,7 @@ def pushed(motion: Motion, rows: slice) -> Motion:
     return with_wobbling(motion, rows, "torque")
 
 
-@of_stage("dynamics/train")
+@of_stage("dynamics/train", fits="trainings._train_together trainings._train_one")
 def dynamics(monkeypatch, tmp_path):
     """Models of the arm and of one robot, beside the log of another robot."""
     parameters = committed(
@@ -603,7 +642,11 @@ def learned_motion(folder: Path, robot, logs, parameters):
     return models, learned, (target / "identified.urdf").read_text()
 
 
-@of_stage("tasks/motion")
+@of_stage(
+    "tasks/motion",
+    fits="model_comparison.identify_arm model_comparison._learned joint_motion.fitness_tables "
+    "joint_motion.gravity_check",
+)
 def arms(monkeypatch, tmp_path):
     """Of the last log, and of the rest of a single one; a filter would reach over borders."""
     own = test_task_motion
@@ -621,7 +664,7 @@ def arms(monkeypatch, tmp_path):
     yield Case(lambda logs: learned_motion(tmp_path, robot, logs, share), data[:1], *changed)
 
 
-@of_stage("tasks/motion")
+@of_stage("tasks/motion", fits="drives_and_load._followed")
 def ur10e(monkeypatch, tmp_path):
     """Logs at rest, learned from, asked about and with the load, on a small arm."""
     own = test_task_motion
@@ -666,7 +709,7 @@ def ur10e(monkeypatch, tmp_path):
     return Case(learn, data, changed("test", "trainLoad"), changed("train"))
 
 
-@of_stage("tasks/motion")
+@of_stage("tasks/motion", fits="joint_motion._tried")
 def settings_of_networks(monkeypatch, tmp_path):
     """The end of the training motion chooses among networks of its start."""
     parameters = NetworkChoiceParameters(
@@ -683,7 +726,7 @@ def settings_of_networks(monkeypatch, tmp_path):
     return Case(learn, data, pushed(data, slice(50, None)), pushed(data, slice(0, 1)))
 
 
-@of_stage("tasks/motion")
+@of_stage("tasks/motion", fits="torque_parts.learn_parts torque_parts.learned_networks")
 def parts_of_torques(monkeypatch, tmp_path):
     """Networks and planar arms, of the authors' choice of logs and of a random one."""
     toy = test_torque_parts
@@ -733,7 +776,11 @@ def of_comparison(found: latent_comparison.LatentComparison) -> tuple:
     return found.models, found.units
 
 
-@of_stage("servoing/train_latent", "servoing/other_skins")
+@of_stage(
+    "servoing/train_latent",
+    "servoing/other_skins",
+    fits="latent_comparison._learned latent_training.best_start",
+)
 def latent_spaces(monkeypatch, tmp_path):
     """Spaces, forward and inverse models, and the units they see touch in."""
     data = toy_touches(contacts=10, samples=200)
@@ -746,7 +793,9 @@ def latent_spaces(monkeypatch, tmp_path):
     )
 
 
-@of_stage("tasks/touch")
+@of_stage(
+    "tasks/touch", fits="touch_transfer._errors latent_training.learn_spaces latent_training.learn_from"
+)
 def recorded_touch(monkeypatch, tmp_path):
     """What was learned of two slides while the two others were left out, and its units."""
     toy = test_touch_transfer
@@ -793,7 +842,7 @@ SKIN = committed_entry(
 )
 
 
-@of_stage("tasks/touch")
+@of_stage("tasks/touch", fits="skin_protocol._whole skin_readings.place_errors skin_touches.learn_skin")
 def recorded_skin(monkeypatch, tmp_path):
     """Of one run: without the blocks of a fold, and of the whole beside another run."""
     toy = test_touch_skin
@@ -810,7 +859,7 @@ def recorded_skin(monkeypatch, tmp_path):
     yield Case(lambda its: learn(its)[0], data, one_block, changed(0, fold == 1))
 
 
-@of_stage("tasks/touch")
+@of_stage("tasks/touch", fits="skin_readings.readings skin_readings.polynomial")
 def readings_of_a_skin(monkeypatch, tmp_path):
     """What all models read from touches known to them, beside others: of a fold and of another run."""
     toy, real, known = test_touch_skin, skin_readings.readings, []
@@ -831,7 +880,8 @@ def readings_of_a_skin(monkeypatch, tmp_path):
 
     def learn(logs, of_fold):
         run, other = (toy.touches(log, SKIN) for log in logs)
-        skin_readings.place_errors((spaces, run, 1 if of_fold else other))
+        with one_thread():
+            skin_readings.place_errors((spaces, run, 1 if of_fold else other))
         return known.pop()
 
     def changed(run, rows):
@@ -842,7 +892,7 @@ def readings_of_a_skin(monkeypatch, tmp_path):
     yield Case(partial(learn, of_fold=False), data, changed(1, slice(None)), trained_on)
 
 
-@of_stage("tasks/touch")
+@of_stage("tasks/touch", fits="skin_readings._end_errors skin_readings.gaussian_process")
 def end_of_a_run(monkeypatch, tmp_path):
     """Processes of a run's start, and among them those of its first part, by which inputs are chosen."""
     monkeypatch.setattr(skin_readings, "TUNING_SAMPLES", 20)
@@ -863,11 +913,12 @@ def end_of_a_run(monkeypatch, tmp_path):
             whole, slice(kept[first], None if last is None else kept[last]), "counts", "force"
         )
 
-    yield Case(learn, whole, changed(end), changed(9, 12))
-    yield Case(lambda log: learn(log)[:-1], whole, changed(inner, end), changed(9, 12))
+    trained_on = changed(9, 12)
+    yield Case(learn, whole, changed(end), trained_on)
+    yield Case(lambda log: learn(log)[:-1], whole, changed(inner, end), trained_on)
 
 
-@of_stage("tasks/touch")
+@of_stage("tasks/touch", fits="skin_force._models skin_force._process")
 def forces(monkeypatch, tmp_path):
     """Without one press, which also changes no lag; and of a whole recording beside another one."""
     monkeypatch.setattr(skin_readings, "TUNING_SAMPLES", 20)
@@ -888,7 +939,7 @@ def forces(monkeypatch, tmp_path):
     yield Case(lambda its: models(its)[LEFT_OUT], data, one, trained_on)
 
 
-@of_stage("tasks/touch")
+@of_stage("tasks/touch", fits="skin_force._quadratic")
 def penalty_of_forces(monkeypatch, tmp_path):
     """Presses that choose the penalty, every third, train nothing that they choose among."""
     rng, press = np.random.default_rng(0), np.repeat(np.arange(6), 8)
@@ -979,3 +1030,31 @@ def test_every_stage_that_learns_has_a_case():
     cases, others = {stage for stage, _ in CASES}, {*" ".join(HOLDS_NOTHING_OUT.values()).split()}
     assert {name for name in scripts if not name.endswith(SHOWS)} == cases | others
     assert not cases & others
+
+
+def fitting_functions() -> set[str]:
+    """Functions (`module.name`) that call what fits, where something can be held out."""
+    found = set()
+    for path in sorted(PACKAGE.rglob("*.py")):
+        parts = path.relative_to(PACKAGE).with_suffix("").parts
+        if any(re.fullmatch(DRAWS, part) for part in parts):
+            continue
+        tree = ast.parse(path.read_text())
+        words = {getattr(node, "id", None) or getattr(node, "arg", None) or "" for node in ast.walk(tree)}
+        if parts[0] in ("tasks", "testbeds") or any(re.fullmatch(SEPARATES, word) for word in words):
+            functions = (node for node in tree.body if isinstance(node, ast.FunctionDef))
+            found |= {f"{parts[-1]}.{one.name}" for one in functions if any(map(fits, ast.walk(one)))}
+    return found
+
+
+def fits(node: ast.AST) -> bool:
+    called = getattr(node, "func", None)
+    name = getattr(called, "attr", None) or getattr(called, "id", "")
+    return re.fullmatch(LEARNERS, name) is not None
+
+
+def test_every_fit_has_a_case():
+    """A stage may hold out several things: every function that fits one is compared, or says why not."""
+    others = {*" ".join(FITS_ALL.values()).split()}
+    assert fitting_functions() == FITS.keys() | others
+    assert not FITS.keys() & others
