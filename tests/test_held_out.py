@@ -42,6 +42,7 @@ from test_obstacles_models import PARAMETERS as AVOIDANCE
 from test_obstacles_models import SCENARIOS
 from test_obstacles_models import toy_dataset as toy_reaches
 from test_tasks_obstacles import phase_dependent
+from threadpoolctl import threadpool_limits
 
 import structlearn
 from structlearn.avoidance import scene_models
@@ -75,6 +76,7 @@ from structlearn.primitives.position import fit_position
 from structlearn.primitives.trajectory import differentiated
 from structlearn.readers.demonstration import Demonstration
 from structlearn.readers.joint_log import DriveLog
+from structlearn.readers.user_tables import TouchLog
 from structlearn.rigid_body.dynamics_training import LearningParameters
 from structlearn.rigid_body.motion import Motion
 from structlearn.rigid_body.payload import PayloadLearningParameters, learn_payload
@@ -892,12 +894,15 @@ def readings_of_a_skin(monkeypatch, tmp_path):
     yield Case(partial(learn, of_fold=False), data, changed(1, slice(None)), trained_on)
 
 
+def few_channels(log: TouchLog) -> TouchLog:
+    return replace(log, channels=log.channels[:3], counts=log.counts[:, :3])
+
+
 @of_stage("tasks/touch", fits="skin_readings._end_errors skin_readings.gaussian_process")
 def end_of_a_run(monkeypatch, tmp_path):
     """Processes of a run's start, and among them those of its first part, by which inputs are chosen."""
     monkeypatch.setattr(skin_readings, "TUNING_SAMPLES", 20)
-    share = 0.8
-    whole = test_touch_skin.toy_strokes("a", presses=1)
+    share, whole = 0.8, few_channels(test_touch_skin.toy_strokes("a", presses=1))
     kept = np.flatnonzero(np.isfinite(whole.force))
     end = round(share * len(kept))
     inner = round((1.0 - (1.0 - share) / share) * end)
@@ -923,8 +928,8 @@ def forces(monkeypatch, tmp_path):
     """Without one press, which also changes no lag; and of a whole recording beside another one."""
     monkeypatch.setattr(skin_readings, "TUNING_SAMPLES", 20)
     parameters, presses = SKIN.force.model_copy(update={"longest_lag_s": 0.8, "penalties": (0.1,)}), 4
-    logs = [test_touch_skin.toy_strokes(name, presses, gain) for name, gain in (("a", 1.0), ("b", 1.1))]
-    data = [replace(log, channels=log.channels[:3], counts=log.counts[:, :3]) for log in logs]
+    strokes = test_touch_skin.toy_strokes
+    data = [few_channels(strokes(name, presses, gain)) for name, gain in (("a", 1.0), ("b", 1.1))]
     models = each(monkeypatch, skin_force, "_models", lambda its: skin_force.force_errors(its, parameters, 9))
     process = each(monkeypatch, skin_force, "_process", models)
 
@@ -1005,12 +1010,13 @@ def contents(values: np.ndarray) -> bytes:
 )
 def test_what_is_held_out_trains_nothing(make, monkeypatch, tmp_path):
     monkeypatch.setenv(BACKEND, "sequential")
-    found = make(monkeypatch, tmp_path)
-    for case in [found] if isinstance(found, Case) else found:
-        before = bits(case.learn(case.data))
-        after = bits(case.learn(case.held_out))
-        assert [name for name, values in before.items() if after[name] != values] == []
-        assert bits(case.learn(case.trained_on)) != before
+    with threadpool_limits(1):  # of small arrays threads take longer
+        found = make(monkeypatch, tmp_path)
+        for case in [found] if isinstance(found, Case) else found:
+            before = bits(case.learn(case.data))
+            after = bits(case.learn(case.held_out))
+            assert [name for name, values in before.items() if after[name] != values] == []
+            assert bits(case.learn(case.trained_on)) != before
 
 
 def stage_scripts() -> dict[str, Path]:
