@@ -102,7 +102,7 @@ def test_all_that_was_demonstrated_is_inside_and_no_more_than_the_margin_around_
 )
 def test_corners_that_make_no_box_are_an_error(low, high):
     with pytest.raises(InputError, match="a workspace needs a low and a high corner"):
-        Workspace(np.array(low), np.array(high))
+        Workspace(low, high)
 
 
 PROVENANCE = {"bags": {"one.mcap": "ab"}, "parameters": "cd", "version": "0"}
