@@ -22,6 +22,7 @@ from typing import NamedTuple
 from structlearn.core.errors import InputError, MissingInputError
 from structlearn.core.params import ParametersType, read_parameters
 from structlearn.core.publication import alone_in, disk_fault, publish
+from structlearn.core.used_files import watched
 
 PARAMETER_FILE = Path("params.yaml")
 INTERRUPTED = 130  # exit code after SIGINT, as in shells
@@ -49,15 +50,16 @@ def or_empty(main: Callable[[], None], target: str | Path) -> Callable[[], None]
     return made
 
 
-def run(main: Callable[[], None]) -> None:
+def run(main: Callable[[], None], stage: bool = True) -> None:
     """Run a stage; bad input becomes one line on standard error and exit code 1.
 
-    So does a concurrent run of the same stage, and Ctrl-C with code `INTERRUPTED`. Bugs keep their traceback.
-    If DVC runs the stage, its time is recorded.
+    So do a change of what the stage uses while it runs (`used_files`), a concurrent run of the same stage,
+    and Ctrl-C with code `INTERRUPTED`. Bugs keep their traceback. If DVC runs the stage, its time is
+    recorded. `stage`: False for commands, which may run stages and wait for edits.
     """
     try:
         with _alone():
-            timed(main)
+            timed(watched(time.time() - _since_start_s())(main) if stage else main)
     except InputError as error:
         print(f"error: {error}", file=sys.stderr)
         sys.exit(1)

@@ -66,7 +66,7 @@ def read_entries(clone: Path | None = None) -> dict[str, Entry]:
     """
     found: dict[str, Entry] = {}
     for file in project.entry_files(clone):
-        values = read_values(file) or {}
+        values = read_values(file, whole=False) or {}
         if not isinstance(values, dict):
             raise InputError(f"{file}: is no mapping of kinds of data to tasks")
         for kind, tasks in values.items():
@@ -95,7 +95,8 @@ def read_task(name: str, clone: Path | None = None) -> Any:
         own = project.entry_files(clone)[-1]
         there = [one for one, entry in entries.items() if entry.file == own]
         raise InputError(f"{own}: {name}: there is no such task among {', '.join(there) or 'none'}")
-    file, kind, entry = entries[name]
+    file, kind, _ = entries[name]
+    entry = value_at(file, f"{kind}.{name}")
     if not isinstance(entry, dict):
         raise InputError(f"{file}: {kind}.{name}: is no mapping of parameters")
     values = merged(value_at(project.defaults_file(clone), f"defaults.{kind}") or {}, entry)
