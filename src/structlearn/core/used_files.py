@@ -1,8 +1,8 @@
 """What a stage uses must not change while it runs: files, parameters and its own code.
 
-DVC digests dependencies when a stage's command has ended. If one is edited meanwhile, DVC would record the new
-one with the result of the old one, and `dvc status` would call that result up to date. So readers `remember`
-what they read, `publish` and the end of a stage `require_unchanged`.
+DVC digests dependencies when a stage's command has ended. If one is edited meanwhile, DVC would record the
+new one with the result of the old one, and `dvc status` would call that result up to date. So readers
+`remember` what they read; `publish` and the end of a stage call `require_unchanged`.
 """
 
 import hashlib
