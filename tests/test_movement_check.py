@@ -297,7 +297,7 @@ def test_a_robot_is_known_with_every_mesh_that_its_check_reads(tmp_path, monkeyp
     before = file_digests(str(urdf), meshes=True)
     assert set(before) == {str(urdf), *(f"{urdf}: {name}" for name in names)}
     for name, path in names.items():
-        path.write_text(path.read_text().replace("v 0.0", "v 0.1", 1))
+        path.write_text(path.read_text().replace("v ", "v 1", 1))
         now = file_digests(str(urdf), meshes=True)
         assert {key for key in now if now[key] != before[key]} == {f"{urdf}: {name}"}
         before = now

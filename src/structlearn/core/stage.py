@@ -59,7 +59,7 @@ def run(main: Callable[[], None], stage: bool = True) -> None:
     """
     try:
         with _alone():
-            timed(watched(time.time() - _since_start_s())(main) if stage else main)
+            timed(watched(_started_s())(main) if stage else main)
     except InputError as error:
         print(f"error: {error}", file=sys.stderr)
         sys.exit(1)
@@ -147,6 +147,12 @@ def main() -> None:
     if times:
         wall_s, cpu_s = (sum(values) for values in zip(*(its for _, its in times), strict=True))
         print(f"{wall_s:8.1f} {cpu_s:8.1f}  {len(times)} stages on {os.cpu_count()} cores")
+
+
+def _started_s() -> float:
+    """Time of this process's start on the clock of files."""
+    since_s = _since_start_s()  # first: a pause before the next line may only make the start seem later
+    return time.time() - since_s
 
 
 def _since_start_s() -> float:
