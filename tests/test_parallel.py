@@ -206,15 +206,15 @@ import sys
 from structlearn.core import parallel
 from structlearn.core.stage import run
 import parallel_work
-parallel.WORKERS_S = 1.0
-parallel.CHECK_S = 0.2
+parallel._cluster()  # waits for the worker
+parallel.WORKERS_S, parallel.CHECK_S = 1.0, 0.2
 run(lambda: parallel.parallel_map(parallel_work.endless, sys.argv[1:], "work"))
 """
 
 
 @pytest.mark.parametrize(
     ("killed", "said"),
-    [("worker", "no worker is left for 1 s"), ("scheduler", "the Dask scheduler no longer answers")],
+    [("worker", "has had no worker for 1 s"), ("scheduler", "no longer answers")],
 )
 def test_a_cluster_that_ends_during_the_work_is_one_line(tmp_path, killed, said):
     """Dask would wait for other workers without end."""
@@ -246,7 +246,8 @@ def test_a_cluster_that_ends_during_the_work_is_one_line(tmp_path, killed, said)
         while not (tmp_path / "begun").exists() and stage.poll() is None:
             time.sleep(0.05)
         started[killed].kill()
-        assert stage.communicate(timeout=60)[1].startswith(f"error: DASK_SCHEDULER_ADDRESS={address}: {said}")
+        line = f"error: DASK_SCHEDULER_ADDRESS={address}: the Dask scheduler {said}; run it again\n"
+        assert stage.communicate(timeout=60)[1] == line
     assert stage.returncode == 1
 
 
