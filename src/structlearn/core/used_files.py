@@ -13,6 +13,7 @@ from contextlib import contextmanager
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
+from types import ModuleType
 from typing import Any
 
 from structlearn.core.errors import InputError
@@ -116,7 +117,7 @@ def _is_temporary(path: Path) -> bool:
 
 def _state(path: Path) -> State | None:
     try:
-        state = path.stat()
+        state = os.stat(path)
     except OSError:
         return None
     return state.st_mtime_ns, state.st_size, state.st_ino
@@ -151,11 +152,12 @@ def _sources() -> dict[str, _Used]:
 def _loaded() -> Iterator[_Used]:
     """Sources of loaded modules, and templates beside these or in a folder beside these."""
     sources = _watches[-1].sources
-    files = [getattr(module, "__file__", None) for module in [*sys.modules.values()]]
+    modules = [module for module in [*sys.modules.values()] if isinstance(module, ModuleType)]
+    files = [vars(module).get("__file__") for module in modules]  # `getattr` would load lazy ones
     code = [file for file in files if isinstance(file, str) and file in sources]
     yield from (sources[file] for file in code)
     folders = {os.path.dirname(file) for file in code}
-    for used in sources.values():
-        parent = used.path.parent
-        if used.path.suffix in TEMPLATES and not folders.isdisjoint((str(parent), str(parent.parent))):
-            yield used
+    for file in [file for file in sources if file.endswith(TEMPLATES)]:
+        parent = os.path.dirname(file)
+        if parent in folders or os.path.dirname(parent) in folders:
+            yield sources[file]
