@@ -67,7 +67,7 @@ __pycache__
 def main(words: list[str] | None = None) -> None:
     """Run one of the commands; on invalid input, print one line and exit with code 1."""
     given = _arguments(words)
-    run(lambda: given.do(given))
+    run(lambda: given.do(given), stage=False)
 
 
 def new(given: argparse.Namespace) -> None:

@@ -11,6 +11,8 @@ from collections.abc import Iterable, Iterator
 from functools import cache
 from pathlib import Path
 
+from structlearn.core.used_files import remember
+
 DATA_SUFFIXES = (".yaml", ".jinja", ".css", ".js")  # data that modules read from their folder, or below it
 PACKAGE = "structlearn"
 MODULE_NAME = re.compile(rf"{PACKAGE}(\.\w+)+\.?")
@@ -53,6 +55,7 @@ class SourceTree:
     def _file(self, path: Path) -> tuple[str, set[Path]]:
         """Digest of a file, and the files that it uses."""
         if path not in self._read:
+            remember(path)
             content, used = path.read_bytes(), set()
             if path.suffix == ".py":
                 tree = ast.parse(content, str(path))

@@ -125,7 +125,6 @@ def agreement_with_pinocchio(robot: Robot, states: int = 200, seed: int = 0) -> 
 
     Keys: `recursion_n_m` (batched), `regressor_n_m`, `compiled_n_m` (single state), and `largest_n_m`, the
     largest torque itself.
-    torque itself, `largest_n_m`.
     """
     (q, qd, qdd), expected = _pinocchio_torques(robot, states, seed)
     rows = list(zip(q, qd, qdd, strict=True))

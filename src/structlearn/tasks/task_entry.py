@@ -12,6 +12,7 @@ A part (`PARTS`) that an entry does not name is null, whatever its defaults.
 """
 
 import sys
+from contextlib import suppress
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -66,7 +67,7 @@ def read_entries(clone: Path | None = None) -> dict[str, Entry]:
     """
     found: dict[str, Entry] = {}
     for file in project.entry_files(clone):
-        values = read_values(file) or {}
+        values = read_values(file, whole=False) or {}
         if not isinstance(values, dict):
             raise InputError(f"{file}: is no mapping of kinds of data to tasks")
         for kind, tasks in values.items():
@@ -95,7 +96,8 @@ def read_task(name: str, clone: Path | None = None) -> Any:
         own = project.entry_files(clone)[-1]
         there = [one for one, entry in entries.items() if entry.file == own]
         raise InputError(f"{own}: {name}: there is no such task among {', '.join(there) or 'none'}")
-    file, kind, entry = entries[name]
+    file, kind, _ = entries[name]
+    entry = value_at(file, f"{kind}.{name}")
     if not isinstance(entry, dict):
         raise InputError(f"{file}: {kind}.{name}: is no mapping of parameters")
     values = merged(value_at(project.defaults_file(clone), f"defaults.{kind}") or {}, entry)
@@ -111,10 +113,10 @@ def read_checked(path: Path) -> SourceParameters:
 
 
 def source_digests(task: SourceParameters) -> dict[str, dict[str, str]]:
-    """`file_digests` of all sources of a task, by their role."""
+    """`file_digests` of all sources of a task, by their role; of a robot that is checked, with its meshes."""
     return {
-        name: {file: digest for path in paths for file, digest in file_digests(path).items()}
-        for name, paths in task.sources().items()
+        role: {name: digest for path in paths for name, digest in file_digests(path, role == "robot").items()}
+        for role, paths in task.sources().items()
     }
 
 
@@ -131,21 +133,27 @@ def write_task(task: SourceParameters, files: dict[str, dict[str, str]], path: P
         target.write_text(yaml.safe_dump(content, sort_keys=False), encoding="utf-8")
 
 
-def file_digests(source: str) -> dict[str, str]:
+def file_digests(source: str, meshes: bool = False) -> dict[str, str]:
     """SHA-256 of a file, or of all but hidden files below a folder, by path as written.
 
-    Empty for a public set that is not here. Raises InputError: there is no such file or folder.
+    `meshes`: with those of the files that a URDF names. Empty for a public set that is not here. Raises
+    InputError: there is no such file or folder.
     """
     path = local_path(source)
     if is_public(source) and not path.exists():
         return {}
-    if path.suffix == ".urdf":
+    if path.suffix == ".urdf" or meshes:
         from structlearn.simulation.arm import urdf_path
 
         path = urdf_path(str(path))
     if not path.exists():
         raise InputError(f"{source}: no such file or folder")
     found = {source: path} if path.is_file() else {}
+    if meshes:
+        from structlearn.rigid_body.urdf import named_files
+
+        with suppress(InputError):  # the check will say why
+            found |= {f"{source}: {name}": file for name, file in named_files(path).items()}
     for file in sorted(path.rglob("*")) if path.is_dir() else ():
         below = file.relative_to(path)
         if file.is_file() and not any(part.startswith(".") for part in below.parts):
