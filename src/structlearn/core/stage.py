@@ -56,7 +56,7 @@ def run(main: Callable[[], None], stage: bool = True) -> None:
 
     So do packages hidden by PYTHONPATH, a change of what the stage uses while it runs (`used_files`), a
     concurrent run of the same stage, and Ctrl-C with code `INTERRUPTED`. Bugs keep their traceback. If DVC
-    runs the stage, its time is recorded. `stage`: False for commands, which may run stages and wait for edits.
+    runs the stage, its time is recorded. `stage`: False for commands, which may run stages and wait.
     """
     try:
         require_own_packages()
