@@ -108,7 +108,7 @@ profile: $(INSTALLED)  ## draw a flame graph of a stage: make profile STAGE=stag
 # More people, seeds and robots than the pipeline has time for, cell by cell (stages/studies); the tables in git take
 # what was run. Hours for all; goes on where it was stopped.
 STUDY = stages/studies/dvc.yaml$(if $(NAME),:$(subst /,_,$(NAME)))
-STUDY_TABLES := python -m structlearn.reporting.study_tables
+STUDY_TABLES := python -m dissertation.evidence.study_tables
 studies: $(INSTALLED)  ## run all studies (takes hours), or one: make studies NAME=servoing/people
 	$(IN_ENVIRONMENT) dvc repro --keep-going $(STUDY)
 	$(IN_ENVIRONMENT) $(STUDY_TABLES) $(NAME)
@@ -126,7 +126,7 @@ other-processor: $(INSTALLED)  ## run the pipeline with the instruction set of a
 
 # Verdicts in the working tree that differ from the last commit.
 verdicts: $(INSTALLED)  ## list verdicts that differ from the last commit
-	$(BIN)/python -m structlearn.reporting.verdicts
+	$(BIN)/python -m dissertation.evidence.verdicts
 
 # Damage N files of every kind and read them: the same data, or one line. Tests do some hundred.
 faults: N ?= 10000

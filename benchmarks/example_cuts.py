@@ -16,6 +16,8 @@ from itertools import pairwise
 import numpy as np
 import pandas as pd
 
+from dissertation.simulation.hand_noise import hand_noise
+from dissertation.simulation.pick_and_place import MOVES, SLOW, as_recording, session, takes
 from structlearn.core import minimum_jerk
 from structlearn.core.errors import InputError
 from structlearn.core.parallel import parallel_map
@@ -23,8 +25,6 @@ from structlearn.readers import synchronise
 from structlearn.readers.demonstration import Demonstration
 from structlearn.segmentation import SegmentParameters, cut
 from structlearn.segmentation.repeats import split
-from structlearn.simulation.hand_noise import hand_noise
-from structlearn.tasks.pick_and_place_world import MOVES, SLOW, as_recording, session, takes
 from structlearn.tasks.task_entry import read_task
 
 KINDS = {

@@ -2,17 +2,17 @@
 
 from pathlib import Path
 
-from structlearn.core.artefacts import publish
-from structlearn.core.stage import run
-from structlearn.reporting.claims import QUOTED
-from structlearn.reporting.document import Made, source_commit
-from structlearn.reporting.front import (
+from dissertation.evidence.front import (
     RECORDED,
     findings_table,
     read_claims_of,
     read_front_page,
     render_front,
 )
+from structlearn.core.artefacts import publish
+from structlearn.core.stage import run
+from structlearn.reporting.claims import QUOTED
+from structlearn.reporting.document import Made, source_commit
 
 REPORTS = Path("reports")
 

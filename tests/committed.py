@@ -11,10 +11,10 @@ from typing import Any, TypeVar
 import pytest
 import yaml
 
+from dissertation.simulation.fingers import TouchParameters
+from dissertation.simulation.touch import FingerParameters, TouchFingerParameters
 from structlearn.core.params import Parameters, merged
 from structlearn.readers.source import TopicMap
-from structlearn.simulation.fingers import TouchParameters
-from structlearn.simulation.touch import FingerParameters, TouchFingerParameters
 from structlearn.tasks.task_entry import read_task
 
 ROOT = Path(__file__).parents[1]

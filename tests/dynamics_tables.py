@@ -9,21 +9,21 @@ import pandas as pd
 import pybullet_data
 from committed import committed
 
-from structlearn.rigid_body.dynamics_training import KINDS, LOSSES
-from structlearn.rigid_body.inertia_parameters import STRUCTURES
-from structlearn.rigid_body.model_names import COULOMB, DEFAULT, GROUND_TRUTH
-from structlearn.rigid_body.tree import Robot, read_urdf
-from structlearn.testbeds.dynamics.names import IDEAL, ROBOT
-from structlearn.testbeds.dynamics.page.findings import DynamicsResults
-from structlearn.testbeds.dynamics.protocol.tracking import KNOWN, TrackingParameters
-from structlearn.testbeds.dynamics.protocol.trainings import (
+from dissertation.dynamics.names import IDEAL, ROBOT
+from dissertation.dynamics.page.findings import DynamicsResults
+from dissertation.dynamics.protocol.tracking import KNOWN, TrackingParameters
+from dissertation.dynamics.protocol.trainings import (
     OURS,
     PUBLISHED,
     DynamicsTrainingParameters,
     OnlineParameters,
 )
-from structlearn.testbeds.dynamics.world.arm_motion import ArmMotionParameters
-from structlearn.testbeds.dynamics.world.joint_logs import PerturbedRobotParameters, RecordMotionParameters
+from dissertation.dynamics.world.arm_motion import ArmMotionParameters
+from dissertation.dynamics.world.joint_logs import PerturbedRobotParameters, RecordMotionParameters
+from structlearn.rigid_body.dynamics_training import KINDS, LOSSES
+from structlearn.rigid_body.inertia_parameters import STRUCTURES
+from structlearn.rigid_body.model_names import COULOMB, DEFAULT, GROUND_TRUTH
+from structlearn.rigid_body.tree import Robot, read_urdf
 
 SEEDS, JOINTS = (11, 12, 13), 7
 """Of models in simulation, and of robots."""

@@ -176,12 +176,12 @@ def by_hand(
 
 ONE_BY_ONE = """
 import runpy, sys
-from structlearn.simulation import still
+from dissertation.simulation import still
 still.OVERSAMPLING = 1  # a quarter of the pixels to render
 for command in sys.argv[1:]:
     sys.argv = command.split()[1:]
     if "loop.py" in command:  # the film of the front page, with a tenth of its frames
-        from structlearn.testbeds.scraping.world import scene_still
+        from dissertation.scraping.world import scene_still
         scene_still.FRAMES_PER_S /= 10
     if "report.py" in command:  # figures that nobody looks at: to arrange them takes longer than to draw them
         from structlearn.reporting import figure_style

@@ -9,10 +9,10 @@ import numpy as np
 import pinocchio
 import pybullet_data
 
+from dissertation.simulation.arm import Payload
 from structlearn.rigid_body.friction import friction_columns
 from structlearn.rigid_body.motion import Motion
 from structlearn.rigid_body.tree import KinematicTree, LinkInertias, Robot, configuration, read_urdf
-from structlearn.simulation.arm import Payload
 
 FINGERS = ("panda_finger_joint1", "panda_finger_joint2")
 

@@ -142,7 +142,7 @@ def test_no_testbed_imports_another_and_computing_knows_nothing_of_pages_and_rec
     for path, names in modules().items():
         assert not {"pickle", "torch.save"} & names, path
         if path.parts[0] == "testbeds" and len(path.parts) > 2:
-            others = {name.split(".")[2] for name in names if name.startswith("structlearn.testbeds.")}
+            others = {name.split(".")[2] for name in names if name.startswith("dissertation.")}
             assert others <= {path.parts[1]}, f"{path} imports another testbed"
         if {"world", "protocol"} & set(path.parts):
             shown = {"page", "recordings", "views"}

@@ -31,22 +31,22 @@ from reporting_scraping import PARAMETERS, demonstration
 from test_obstacles_page import results as obstacles_results  # noqa: F401 a fixture
 from test_servoing_page import results as servoing_results  # noqa: F401 a fixture
 
+from dissertation.dynamics.page.findings import findings as dynamics_findings
+from dissertation.dynamics.protocol.trainings import OURS, PUBLISHED
+from dissertation.evidence.studies import OURS as STUDIED
+from dissertation.evidence.studies import Study
+from dissertation.obstacles.page.findings import findings as obstacles_findings
+from dissertation.obstacles.page.findings import read_published as obstacles_published
+from dissertation.recorded.calibration_section import find_calibration
+from dissertation.recorded.representations_section import representation_findings
+from dissertation.scraping.page import findings as scraping
+from dissertation.scraping.page.findings import ScrapingPeople
+from dissertation.servoing.page import findings as servoing_findings
 from structlearn.reporting.claims import NO, Claim, Evidence, Found, read_claims
 from structlearn.reporting.findings import Findings
-from structlearn.reporting.studies import OURS as STUDIED
-from structlearn.reporting.studies import Study
 from structlearn.segmentation.cut_errors import downsampling_effect
 from structlearn.tasks.motion.motion_results import MotionResults, motion_findings
-from structlearn.tasks.obstacles.representations_section import representation_findings
 from structlearn.tasks.obstacles.scene_section import SceneWays, scene_findings
-from structlearn.tasks.touch.calibration_section import find_calibration
-from structlearn.testbeds.dynamics.page.findings import findings as dynamics_findings
-from structlearn.testbeds.dynamics.protocol.trainings import OURS, PUBLISHED
-from structlearn.testbeds.obstacles.page.findings import findings as obstacles_findings
-from structlearn.testbeds.obstacles.page.findings import read_published as obstacles_published
-from structlearn.testbeds.scraping.page import findings as scraping
-from structlearn.testbeds.scraping.page.findings import ScrapingPeople
-from structlearn.testbeds.servoing.page import findings as servoing_findings
 
 KNOWN = re.compile(
     r"time_s|since_s|start_s|end_s|phase|fraction|noise_mm|setting_deg|tilt|factor|quoted|truth|true_.*|.*frequency.*"

@@ -7,10 +7,10 @@ from pathlib import Path
 import pytest
 import yaml
 
+from dissertation.simulation.pick_and_place import takes, write_takes
 from structlearn import command
 from structlearn.core.params import read_values
 from structlearn.tasks import project
-from structlearn.tasks.pick_and_place_world import takes, write_takes
 from structlearn.tasks.task_entry import read_task, targets
 
 

@@ -8,17 +8,17 @@ import reporting_verdicts
 from committed import committed
 from dynamics_tables import SEEDS, dynamics_results, iiwa, payload_table
 
+from dissertation.dynamics import page
+from dissertation.dynamics.names import IDEAL, ROBOT
+from dissertation.dynamics.page import findings as page_findings
+from dissertation.dynamics.page.page import dynamics_page, tables
+from dissertation.dynamics.protocol.trainings import OURS, PUBLISHED
+from dissertation.dynamics.world.joint_logs import PerturbedRobotParameters, perturbed_mechanics
 from structlearn.reporting.document import render
 from structlearn.rigid_body.dynamics_models import DynamicsModels
 from structlearn.rigid_body.inertia_parameters import free_parameters
 from structlearn.rigid_body.model_names import DEFAULT, GROUND_TRUTH, NAMES
 from structlearn.rigid_body.motion import Motion
-from structlearn.testbeds.dynamics import page
-from structlearn.testbeds.dynamics.names import IDEAL, ROBOT
-from structlearn.testbeds.dynamics.page import findings as page_findings
-from structlearn.testbeds.dynamics.page.page import dynamics_page, tables
-from structlearn.testbeds.dynamics.protocol.trainings import OURS, PUBLISHED
-from structlearn.testbeds.dynamics.world.joint_logs import PerturbedRobotParameters, perturbed_mechanics
 
 
 @pytest.fixture(scope="module")

@@ -6,17 +6,17 @@ from committed import committed
 from dynamics_tables import IIWA, iiwa, payload_table, tracking_tables
 from viewer_files import note, values, view_names
 
+from dissertation.dynamics import recordings as views
+from dissertation.dynamics.names import ROBOT
+from dissertation.dynamics.protocol.tracking import tracked_reaches
+from dissertation.dynamics.protocol.trainings import OURS
+from dissertation.dynamics.world.joint_logs import PayloadParameters
+from dissertation.dynamics.world.operational_space import tool_motion
 from structlearn.readers.joint_log import JointLog
 from structlearn.rigid_body.dynamics_models import DynamicsModels
 from structlearn.rigid_body.inertia_parameters import free_parameters
 from structlearn.rigid_body.model_names import DEFAULT
 from structlearn.rigid_body.motion import Motion
-from structlearn.testbeds.dynamics import views
-from structlearn.testbeds.dynamics.names import ROBOT
-from structlearn.testbeds.dynamics.protocol.tracking import tracked_reaches
-from structlearn.testbeds.dynamics.protocol.trainings import OURS
-from structlearn.testbeds.dynamics.world.joint_logs import PayloadParameters
-from structlearn.testbeds.dynamics.world.operational_space import tool_motion
 from structlearn.viewer.arm_meshes import send_arm
 from structlearn.viewer.rrd import recording, time_column
 

@@ -11,10 +11,10 @@ import numpy as np
 import pytest
 from own_skills import pick_skill, slower
 
+from dissertation.simulation.pick_and_place import takes, write_takes
 from structlearn.core.artefacts import write_table
 from structlearn.feedback.skill_file import read_skill, write_skill
 from structlearn.primitives.sequence import default_start, sequence_table, unroll
-from structlearn.tasks.pick_and_place_world import takes, write_takes
 
 ROOT = Path(__file__).parents[1]
 

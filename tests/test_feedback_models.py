@@ -7,11 +7,11 @@ from committed import committed
 from feedback_skills import random_network
 from feedback_toy import toy_dataset
 
-from structlearn.feedback import feedback_models
+from dissertation.scraping.protocol import feedback_models
+from dissertation.scraping.protocol.feedback_models import FeedbackParameters, train_models
 from structlearn.feedback.corrected_paths import SAMPLES, corrected_paths, path_errors, unrolled_error
 from structlearn.feedback.coupling_dataset import leave_one_out
 from structlearn.feedback.coupling_model import TrainingParameters, UnrolledTrainingParameters, train_final
-from structlearn.feedback.feedback_models import FeedbackParameters, train_models
 from structlearn.feedback.models.autoencoded import autoencoder
 from structlearn.feedback.models.pca import principal_components
 from structlearn.feedback.models.pmnn import PhaseModulatedNetwork

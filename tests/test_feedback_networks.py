@@ -8,6 +8,7 @@ from committed import committed
 from feedback_skills import random_skill
 from feedback_toy import toy_dataset
 
+from dissertation.scraping.protocol.feedback_models import NETWORKS
 from structlearn.core.errors import InputError
 from structlearn.feedback.coupling_dataset import leave_one_out
 from structlearn.feedback.coupling_model import (
@@ -20,7 +21,6 @@ from structlearn.feedback.coupling_model import (
     read_networks,
     write_networks,
 )
-from structlearn.feedback.feedback_models import NETWORKS
 from structlearn.feedback.runtime import Controller
 from structlearn.feedback.skill import Limits
 from structlearn.primitives import canonical

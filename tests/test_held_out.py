@@ -39,13 +39,34 @@ from test_obstacles_models import SCENARIOS
 from test_obstacles_models import toy_dataset as toy_reaches
 from test_tasks_obstacles import phase_dependent
 
+from dissertation.dynamics.protocol.trainings import (
+    DynamicsTrainingParameters,
+    EpochLimits,
+    train,
+    trainings,
+)
+from dissertation.obstacles.protocol import avoidance_fits, avoidance_scores
+from dissertation.obstacles.world.reaching_person import AvoiderParameters
+from dissertation.obstacles.world.scenarios import SceneParameters, scenarios
+from dissertation.recorded import coupling_representations, touch_transfer
+from dissertation.recorded.coupling_representations import RepresentationParameters
+from dissertation.scraping.files import read_datasets
+from dissertation.scraping.protocol import feedback_models
+from dissertation.scraping.protocol.board_refinement import refine_on_board
+from dissertation.scraping.protocol.feedback_models import (
+    LEVEL,
+    POINTWISE,
+    UNROLLED,
+    FeedbackParameters,
+    compare_representations,
+    train_models,
+)
 from structlearn.avoidance import scene_models
 from structlearn.avoidance.avoidance_dataset import AvoidanceDataParameters
 from structlearn.avoidance.network_training import NetworkParameters, held_out_rows
 from structlearn.avoidance.scene_folds import learn_past_obstacles
 from structlearn.core.artefacts import write_table
 from structlearn.core.parallel import BACKEND
-from structlearn.feedback import feedback_models
 from structlearn.feedback.corrected_paths import SAMPLES, corrected_paths, split
 from structlearn.feedback.coupling_dataset import (
     CouplingDataset,
@@ -55,14 +76,6 @@ from structlearn.feedback.coupling_dataset import (
     without_generalization,
 )
 from structlearn.feedback.coupling_model import TrainingParameters
-from structlearn.feedback.feedback_models import (
-    LEVEL,
-    POINTWISE,
-    UNROLLED,
-    FeedbackParameters,
-    compare_representations,
-    train_models,
-)
 from structlearn.primitives import fitting
 from structlearn.primitives.fitting import FitParameters, cross_validation
 from structlearn.primitives.position import fit_position
@@ -82,23 +95,10 @@ from structlearn.tasks.movement import feedback_learning
 from structlearn.tasks.movement.movement_learning import segmented
 from structlearn.tasks.movement.movement_parameters import TaskFeedbackParameters
 from structlearn.tasks.movement.phase_corrections import _split, corrected_runs, learn_corrections
-from structlearn.tasks.obstacles import coupling_representations
-from structlearn.tasks.obstacles.coupling_representations import RepresentationParameters
-from structlearn.tasks.touch import skin_protocol, skin_readings, surface_traces, touch_transfer
+from structlearn.tasks.touch import skin_protocol, skin_readings, surface_traces
 from structlearn.tasks.touch.surface_traces import deviations_from_expected
 from structlearn.tasks.touch.touch_names import MAGNITUDES, NEW_TRIALS
 from structlearn.tasks.touch.touch_names import SLIDES as SLIDE_SET
-from structlearn.testbeds.dynamics.protocol.trainings import (
-    DynamicsTrainingParameters,
-    EpochLimits,
-    train,
-    trainings,
-)
-from structlearn.testbeds.obstacles.protocol import avoidance_fits, avoidance_scores
-from structlearn.testbeds.obstacles.world.reaching_person import AvoiderParameters
-from structlearn.testbeds.obstacles.world.scenarios import SceneParameters, scenarios
-from structlearn.testbeds.scraping.files import read_datasets
-from structlearn.testbeds.scraping.protocol.board_refinement import refine_on_board
 
 HOLDS_NOTHING_OUT = {
     "simulates": "engines studies/cell scraping/record_nominal scraping/record_corrections "

@@ -9,15 +9,15 @@ import pytest
 from committed import NO_TOPICS
 from readers_sets import write_dataset
 
+from dissertation.simulation.pick_and_place import TIP, URDF, takes, write_takes
 from structlearn.core import quaternion
 from structlearn.core.errors import InputError, MissingInputError
 from structlearn.readers import read_recordings, synchronise
 from structlearn.readers.lerobot import read_movement
 from structlearn.readers.source import JointPose
+from structlearn.rigid_body.urdf import urdf_path
 from structlearn.segmentation.segments import cut
-from structlearn.simulation.arm import urdf_path
 from structlearn.tasks.movement.lerobot_export import write_lerobot
-from structlearn.tasks.pick_and_place_world import TIP, URDF, takes, write_takes
 from structlearn.tasks.task_entry import read_task
 
 

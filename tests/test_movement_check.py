@@ -18,7 +18,7 @@ from structlearn.feedback.skill import ReactiveSkill, Workspace
 from structlearn.primitives.transformation import ALPHA, BETA
 from structlearn.reporting.document import Document, Panel, Source, render
 from structlearn.rigid_body.arm_kinematics import JointPath, read_arm
-from structlearn.simulation.arm import urdf_path
+from structlearn.rigid_body.urdf import urdf_path
 from structlearn.tasks.movement import check_results, check_section, skill_check
 from structlearn.tasks.movement.movement_parameters import Placement
 from structlearn.tasks.movement.skill_check import Unroll, unrolls

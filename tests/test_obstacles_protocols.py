@@ -5,14 +5,14 @@ import pytest
 from committed import committed
 from obstacles_unrolls import DT, GOAL, START, baseline, beside_the_reach, random_network, spheres, unroll
 
+from dissertation.obstacles.protocol import avoidance_protocols, avoidance_scores
+from dissertation.obstacles.protocol.avoidance_protocols import AvoidanceEvaluationParameters
+from dissertation.obstacles.protocol.avoidance_scores import demonstration_scores
+from dissertation.obstacles.world.scenarios import Scenario
 from structlearn.avoidance.avoiding_unroll import no_coupling
 from structlearn.avoidance.rai_2014 import HumanInspiredModels
 from structlearn.avoidance.shapes import SHAPES, constant_velocity, obstacle
 from structlearn.readers.demonstration import Demonstration
-from structlearn.testbeds.obstacles.protocol import avoidance_protocols, avoidance_scores
-from structlearn.testbeds.obstacles.protocol.avoidance_protocols import AvoidanceEvaluationParameters
-from structlearn.testbeds.obstacles.protocol.avoidance_scores import demonstration_scores
-from structlearn.testbeds.obstacles.world.scenarios import Scenario
 
 PARAMETERS = committed(
     AvoidanceEvaluationParameters,

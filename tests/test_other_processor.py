@@ -6,9 +6,7 @@ from dataclasses import replace
 import pandas as pd
 import pytest
 
-from structlearn.reporting.claims import Evidence, claims_table, judge, read_claims
-from structlearn.reporting.document import environment
-from structlearn.reporting.verdicts import (
+from dissertation.evidence.verdicts import (
     DIGITS,
     FLIPPED,
     MARGIN,
@@ -19,6 +17,8 @@ from structlearn.reporting.verdicts import (
     main,
     other_processor_page,
 )
+from structlearn.reporting.claims import Evidence, claims_table, judge, read_claims
+from structlearn.reporting.document import environment
 
 COLUMNS = ["statement", "case", "here", "verdict"]
 HERE = pd.DataFrame(

@@ -18,6 +18,7 @@ from own_skills import quick_check
 from readers_bags import as_recorded, pose_messages, write_bag
 from reduced_pipeline import clone, environment
 
+from dissertation.simulation.pick_and_place import as_recording, takes, write_takes
 from structlearn.core.artefacts import read_csv
 from structlearn.core.errors import InputError
 from structlearn.feedback.skill import ReactiveSkill, demonstrated_workspace
@@ -27,7 +28,6 @@ from structlearn.readers import read_recordings, synchronise, write_recordings
 from structlearn.reporting.document import words_in_view
 from structlearn.reporting.findings import read_findings, values_by_key
 from structlearn.segmentation.segments import cut
-from structlearn.tasks.pick_and_place_world import as_recording, takes, write_takes
 from structlearn.tasks.task_entry import PARTS, read_checked, read_task, source_digests, write_task
 from structlearn.tasks.task_files import NAME_RULE, TaskFiles
 

@@ -9,14 +9,14 @@ from committed import ROOT, own_tasks
 from conftest import minimum_jerk
 from readers_bags import joint_messages, pose_messages, transform_messages, transform_stamped, write_bag
 
+from dissertation.simulation.pick_and_place import TIP, URDF, takes, write_takes
 from structlearn.core.errors import InputError
 from structlearn.readers import bag
 from structlearn.readers.computed_pose import TransformSeries
-from structlearn.simulation.arm import urdf_path
+from structlearn.rigid_body.urdf import urdf_path
 from structlearn.tasks.inspection.proposal import from_home, task_name
 from structlearn.tasks.inspection.recordings_report import as_yaml, find_out, inspect
 from structlearn.tasks.inspection.source_survey import frame_pairs
-from structlearn.tasks.pick_and_place_world import TIP, URDF, takes, write_takes
 from structlearn.tasks.project import CLONE
 from structlearn.tasks.task_entry import read_task
 

@@ -17,10 +17,10 @@ from reporting_verdicts import AnyFigure
 from test_scraping_page import LISTED, Made
 from viewer_files import contents, values, view_names
 
+from dissertation.scraping.files import ScrapingFiles
+from dissertation.scraping.page.stored import read_stored
 from structlearn.core.stage import TIMES, read_times, stage_parameters
 from structlearn.reporting.document import render, words_in_view
-from structlearn.testbeds.scraping.files import ScrapingFiles
-from structlearn.testbeds.scraping.page.stored import read_stored
 
 CUTTING = [
     *("code", "scraping_record_nominal", "scraping_import_nominal"),
@@ -149,7 +149,7 @@ def test_a_changed_parameter_reruns_only_what_depends_on_it(watched):
 
 def test_rewording_a_page_makes_only_that_page_again(watched):
     """Of all lists of code, that of its report changes; so the front page runs after it, and nothing else."""
-    template = watched / "src/structlearn/testbeds/obstacles/page/obstacles.html.jinja"
+    template = watched / "src/dissertation/obstacles/page/obstacles.html.jinja"
     lists, text = watched / "data/code/main", template.read_text()
     before = {path: path.read_bytes() for path in lists.rglob("*.txt")}
     template.write_text(text + "\n")

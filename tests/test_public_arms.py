@@ -9,8 +9,8 @@ from committed import committed_entry
 from motion_tables import made_up
 from readers_bags import recorded_data
 
+from dissertation.recorded.readers import kuka_lwr4, ur10e
 from structlearn.core.errors import MissingInputError
-from structlearn.readers import kuka_lwr4, ur10e
 from structlearn.readers.joint_log import DriveLog
 from structlearn.reporting.claims import judge, read_claims
 from structlearn.reporting.document import environment

@@ -7,21 +7,12 @@ import pytest
 from readers_bags import recorded_data
 from readers_sets import BOXES, SHAPE, write_boxes, write_kuka, write_skin, write_ur10e
 
+from dissertation.recorded.readers import clmc, eflesh, kuka_lwr4, panda, slide, ur10e
+from dissertation.recorded.readers.reaches_past_boxes import read_obstacles, unity_rotation, unity_to_base
 from structlearn.core import quaternion
 from structlearn.core.errors import InputError, MissingInputError
-from structlearn.readers import (
-    clmc,
-    eflesh,
-    kuka_lwr4,
-    panda,
-    read_demonstrations,
-    slide,
-    synchronise,
-    ur10e,
-    write_recordings,
-)
+from structlearn.readers import read_demonstrations, synchronise, write_recordings
 from structlearn.readers.joint_log import DriveLog
-from structlearn.readers.reaches_past_boxes import read_obstacles, unity_rotation, unity_to_base
 from structlearn.readers.user_tables import read_touch_logs, read_touch_table, write_touch_logs
 from structlearn.tasks.motion.drives_and_load import on_clock
 

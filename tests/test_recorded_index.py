@@ -10,11 +10,11 @@ import yaml
 from committed import ROOT, own_tasks
 from test_own_demonstrations import QUICK, REACH, run_stages, write_reach
 
+from dissertation.recorded.recorded_index import judged_again, publish_index
 from structlearn.core.errors import InputError
 from structlearn.reporting.claims import claims_table
 from structlearn.reporting.document import words_in_view
 from structlearn.tasks.project import CLONE
-from structlearn.tasks.recorded_index import judged_again, publish_index
 from structlearn.tasks.task_entry import targets
 
 LIKE = {"testbed": "scraping", "statement": "Cuts are found", "page": "index"}

@@ -6,9 +6,9 @@ import pandas as pd
 import pytest
 from committed import ROOT, read_yaml
 
+from dissertation.evidence.front import Row, in_words, read_front_page, render_front
 from structlearn.core.errors import InputError
 from structlearn.reporting.document import Made
-from structlearn.reporting.front import Row, in_words, read_front_page, render_front
 
 PAGE = read_front_page(ROOT / "stages/report.yaml")
 ROWS = [row for one in PAGE.findings for row in (one.simulated, one.recorded) if row]

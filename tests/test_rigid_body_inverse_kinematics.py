@@ -7,6 +7,11 @@ from rigid_body_arms import planar_arm
 from rigid_body_robots import FINGERS
 from rigid_body_robots import robot as robot_of
 
+from dissertation.dynamics.world.operational_space import (
+    VelocityControl,
+    joint_reference,
+    tool_motion,
+)
 from structlearn.core import quaternion
 from structlearn.core.errors import InputError
 from structlearn.core.minimum_jerk import progress
@@ -20,12 +25,7 @@ from structlearn.rigid_body.arm_kinematics import (
     rest_for,
 )
 from structlearn.rigid_body.tree import configuration
-from structlearn.simulation.arm import urdf_path
-from structlearn.testbeds.dynamics.world.operational_space import (
-    VelocityControl,
-    joint_reference,
-    tool_motion,
-)
+from structlearn.rigid_body.urdf import urdf_path
 
 DT = 0.005
 BENT = np.array([0.2, -0.4, 0.1, -2.1, -0.1, 1.8, 0.7])  # rad, an easy configuration of the Panda

@@ -7,6 +7,8 @@ import torch
 from committed import committed
 from rigid_body_robots import COULOMB, VISCOUS, arm, carrying, rubbing_motion, sine_motion
 
+from dissertation.dynamics.protocol import trainings as protocol
+from dissertation.simulation.arm import Payload
 from structlearn.core.metrics import nmse
 from structlearn.networks.torch_settings import AdamParameters, seeded
 from structlearn.rigid_body import compiled_dynamics
@@ -18,8 +20,6 @@ from structlearn.rigid_body.motion import Motion
 from structlearn.rigid_body.network_models import SCALING, NetworkLearner, SmallAdam
 from structlearn.rigid_body.newton_euler import inverse_dynamics
 from structlearn.rigid_body.payload import PayloadLearningParameters, follow_payload, identify_empty
-from structlearn.simulation.arm import Payload
-from structlearn.testbeds.dynamics.protocol import trainings as protocol
 
 PARAMETERS = committed(
     training.LearningParameters,

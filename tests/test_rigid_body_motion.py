@@ -3,6 +3,7 @@ import pytest
 import torch
 from rigid_body_robots import COULOMB, VISCOUS, arm, carrying, pinocchio_torques, robot_with, rubbing_motion
 
+from dissertation.simulation.arm import Payload
 from structlearn.core.errors import InputError
 from structlearn.rigid_body import identification, payload
 from structlearn.rigid_body.dynamics_models import DynamicsModels
@@ -10,7 +11,6 @@ from structlearn.rigid_body.friction import friction_columns
 from structlearn.rigid_body.log_fitness import current_delays, moving_gains, resting_gains
 from structlearn.rigid_body.motion import Motion, excited, measured_motion
 from structlearn.rigid_body.regressor import MotionRegressor
-from structlearn.simulation.arm import Payload
 
 RNG = np.random.default_rng(0)
 

@@ -14,8 +14,7 @@ from structlearn.rigid_body.dynamics_models import rigid_body_torques
 from structlearn.rigid_body.inertia_parameters import draw, link_inertias
 from structlearn.rigid_body.motion import Motion
 from structlearn.rigid_body.tree import Robot, joint_order, read_urdf
-from structlearn.rigid_body.urdf import counterparts, moving_joints, tips, write_urdf
-from structlearn.simulation.arm import urdf_path
+from structlearn.rigid_body.urdf import counterparts, moving_joints, tips, urdf_path, write_urdf
 
 BODY = link("moved")
 HINGE = joint("hinge", "revolute", "base", "moved")

@@ -3,10 +3,10 @@
 import numpy as np
 import pytest
 
+from dissertation.simulation.pick_and_place import as_recording, session
 from structlearn.core.errors import InputError
 from structlearn.readers import synchronise
 from structlearn.segmentation.repeats import split
-from structlearn.tasks.pick_and_place_world import as_recording, session
 from structlearn.tasks.task_entry import read_task
 
 

@@ -9,6 +9,7 @@ from conftest import minimum_jerk
 from hypothesis import given
 from hypothesis import strategies as st
 
+from dissertation.simulation.pick_and_place import SLOW, as_recording, takes, write_takes
 from structlearn.core import quaternion
 from structlearn.core.errors import InputError
 from structlearn.readers import Demonstration, read_demonstrations, synchronise
@@ -17,7 +18,6 @@ from structlearn.segmentation import motion_runs as runs
 from structlearn.segmentation.parameters import SegmentParameters
 from structlearn.segmentation.run_assignment import DISPLACED, HASTE, LEFT_OUT, MISSING, RESTED, assign
 from structlearn.segmentation.segments import cut, read_segmentation, write_segmentation
-from structlearn.tasks.pick_and_place_world import SLOW, as_recording, takes, write_takes
 from structlearn.tasks.task_entry import read_task
 
 TASK = read_task("pick")

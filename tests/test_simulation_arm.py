@@ -4,12 +4,13 @@ import pytest
 from rigid_body_robots import carrying as carrying_in_pinocchio
 from rigid_body_robots import robot as rigid_body_robot
 
+from dissertation.simulation import compiled_arm
+from dissertation.simulation.arm import Payload, carrying
+from dissertation.simulation.bullet_arm import BulletArm, differences
 from structlearn.core.errors import InputError
 from structlearn.rigid_body import compiled_dynamics
 from structlearn.rigid_body.compiled_chain import body, dynamics, workspace
-from structlearn.simulation import compiled_arm
-from structlearn.simulation.arm import Payload, carrying, urdf_path
-from structlearn.simulation.bullet_arm import BulletArm, differences
+from structlearn.rigid_body.urdf import urdf_path
 
 DT = 1.0 / 250.0
 PAYLOAD = Payload(1.5, (0.01, 0.02, 0.1), 0.04)

@@ -9,12 +9,12 @@ from committed import committed
 from feedback_toy import toy_dataset
 from scraping_motions import NAMES
 
+from dissertation.scraping.protocol import board_refinement
 from structlearn.core.errors import InputError
 from structlearn.feedback.coupling_model import TrainingParameters, train_final
 from structlearn.policy_search import refinement
 from structlearn.policy_search.pi2 import PI2Parameters
 from structlearn.policy_search.refinement import Rollout, open_loop_weights
-from structlearn.testbeds.scraping.protocol import board_refinement
 
 TURN, SCRAPE = NAMES[1:]
 DATASETS = {TURN: toy_dataset(seed=0), SCRAPE: toy_dataset(seed=1)}

@@ -3,18 +3,18 @@ import pytest
 from committed import committed
 from rigid_body_robots import carrying
 
-from structlearn.core.metrics import nmse
-from structlearn.rigid_body import compiled_dynamics
-from structlearn.rigid_body.compiled_dynamics import friction_rows
-from structlearn.simulation.arm import ArmParameters, Payload
-from structlearn.testbeds.dynamics.world.arm_motion import ArmMotionParameters
-from structlearn.testbeds.dynamics.world.joint_logs import (
+from dissertation.dynamics.world.arm_motion import ArmMotionParameters
+from dissertation.dynamics.world.joint_logs import (
     PayloadParameters,
     PerturbedRobotParameters,
     ideal_log,
     perturbed_mechanics,
     perturbed_robot_log,
 )
+from dissertation.simulation.arm import ArmParameters, Payload
+from structlearn.core.metrics import nmse
+from structlearn.rigid_body import compiled_dynamics
+from structlearn.rigid_body.compiled_dynamics import friction_rows
 
 MOTION = committed(ArmMotionParameters, "arm_motion", test={"duration_s": 4.0}).used
 SEED = 3

@@ -7,17 +7,17 @@ from committed import committed, committed_finger
 from hypothesis import given
 from hypothesis import strategies as st
 
-from structlearn.simulation.touch_demonstrator import ToucherParameters, covered
-from structlearn.tactile.electrodes import SKINS
-from structlearn.testbeds.servoing.protocol import servo_scores
-from structlearn.testbeds.servoing.protocol.servo_trials import MOTIONS, draw, make_scene
-from structlearn.testbeds.servoing.protocol.servo_variants import (
+from dissertation.servoing.protocol import servo_scores
+from dissertation.servoing.protocol.servo_trials import MOTIONS, draw, make_scene
+from dissertation.servoing.protocol.servo_variants import (
     RESTING,
     ServoTrialParameters,
     ToleranceParameters,
     Variant,
 )
-from structlearn.testbeds.servoing.world.servo_loop import LoopParameters, LowPass, press, servo
+from dissertation.servoing.world.servo_loop import LoopParameters, LowPass, press, servo
+from dissertation.simulation.touch_demonstrator import ToucherParameters, covered
+from structlearn.tactile.electrodes import SKINS
 
 PERSON = committed(ToucherParameters, "toucher")
 PARAMETERS = committed(ServoTrialParameters, "servo", rest_s=1.0)

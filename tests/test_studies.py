@@ -11,11 +11,8 @@ import pytest
 import yaml
 from committed import ROOT, read_yaml
 
-from structlearn.core.artefacts import write_csv
-from structlearn.core.errors import InputError
-from structlearn.reporting import study_tables
-from structlearn.reporting.document import UNKNOWN_COMMIT, source_commit
-from structlearn.reporting.studies import (
+from dissertation.evidence import study_tables
+from dissertation.evidence.studies import (
     RESULTS,
     Check,
     Made,
@@ -27,7 +24,7 @@ from structlearn.reporting.studies import (
     rests_on,
     stored_study,
 )
-from structlearn.reporting.study_tables import (
+from dissertation.evidence.study_tables import (
     CELLS,
     TOLERANCE,
     Description,
@@ -43,6 +40,9 @@ from structlearn.reporting.study_tables import (
     seeds_of,
     write_cell,
 )
+from structlearn.core.artefacts import write_csv
+from structlearn.core.errors import InputError
+from structlearn.reporting.document import UNKNOWN_COMMIT, source_commit
 
 NAME = "toy/people"
 DESCRIPTION = Description(

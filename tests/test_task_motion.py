@@ -13,6 +13,7 @@ from committed import TASK_FILE
 from pydantic import ValidationError
 from rigid_body_robots import joint, link
 
+from dissertation.simulation.arm import Payload, carrying
 from structlearn.core.errors import InputError
 from structlearn.core.minimum_jerk import progress
 from structlearn.readers.joint_log import JointLog
@@ -22,7 +23,6 @@ from structlearn.rigid_body.friction import friction_columns
 from structlearn.rigid_body.motion import Motion
 from structlearn.rigid_body.regressor import link_parameters, torque_regressor
 from structlearn.rigid_body.tree import LinkInertias, Robot, read_urdf
-from structlearn.simulation.arm import Payload, carrying
 from structlearn.tasks.motion.joint_motion import learn_motion
 from structlearn.tasks.motion.motion_parameters import MotionParameters
 

@@ -10,6 +10,9 @@ import pytest
 from committed import committed
 from readers_bags import recorded_data
 
+from dissertation.recorded import coupling_representations, coupling_samples
+from dissertation.recorded import representations_section as section
+from dissertation.recorded.coupling_representations import RepresentationParameters, samples_of_reaches
 from structlearn.avoidance import scene_folds, scene_models
 from structlearn.avoidance.avoidance_dataset import AvoidanceDataset
 from structlearn.avoidance.features import features
@@ -24,9 +27,6 @@ from structlearn.primitives import canonical, kernels
 from structlearn.primitives.position import fit_position
 from structlearn.readers.demonstration import Demonstration, NamedShape
 from structlearn.reporting.claims import read_claims
-from structlearn.tasks.obstacles import coupling_representations, coupling_samples
-from structlearn.tasks.obstacles import representations_section as section
-from structlearn.tasks.obstacles.coupling_representations import RepresentationParameters, samples_of_reaches
 from structlearn.tasks.obstacles.scene_section import SceneWays, scene_findings, scene_pictures
 
 BOXES = {"walls": ["boundary"], "reaches": {"longest_s": 4.0}}

@@ -6,8 +6,9 @@ import pytest
 from committed import committed_entry
 from readers_bags import recorded_data
 
+from dissertation.recorded.readers import delan_characters
+from dissertation.recorded.torque_parts import held_out, learn_parts
 from structlearn.core.errors import InputError, MissingInputError
-from structlearn.readers import delan_characters
 from structlearn.readers.joint_log import PartedLog, read_log_table, write_log_table
 from structlearn.rigid_body.dynamics_models import predicted_torques, rigid_body_torques, torque_parts
 from structlearn.rigid_body.identification import fit_planar_arm, planar_tree
@@ -15,7 +16,6 @@ from structlearn.rigid_body.motion import Motion
 from structlearn.rigid_body.tree import LinkInertias
 from structlearn.tasks.motion.motion_parameters import AUTHORS, RANDOM
 from structlearn.tasks.motion.motion_section import parts_section
-from structlearn.tasks.motion.torque_parts import held_out, learn_parts
 
 PLACES = np.array([[0.6, -0.2]])
 BODIES = LinkInertias(

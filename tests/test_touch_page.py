@@ -11,17 +11,17 @@ from committed import ROOT, committed_entry
 from reporting_verdicts import AnyFigure, verdicts
 from test_touch_calibration import PARAMETERS, calibrated
 
+from dissertation.recorded import calibration_section
+from dissertation.recorded.transfer_section import find_transfer
 from structlearn.core.artefacts import write_csv, write_table
 from structlearn.reporting.claims import judge, read_claims
 from structlearn.reporting.document import environment, render, words_in_view
 from structlearn.tasks import task_page
 from structlearn.tasks.task_entry import source_digests, write_task
 from structlearn.tasks.task_files import LEFT_OUT, TaskFiles
-from structlearn.tasks.touch import calibration_section
 from structlearn.tasks.touch.skin_section import SkinRuns, find_skin
 from structlearn.tasks.touch.surface_section import find_surfaces
 from structlearn.tasks.touch.touch_names import ASKED, COMPONENTS, PARTNERS, PLAIN, SLIDES, STRUCTURED
-from structlearn.tasks.touch.transfer_section import find_transfer
 
 
 def rows(columns, values):

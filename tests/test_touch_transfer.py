@@ -7,14 +7,15 @@ import pytest
 from committed import committed_entry
 from tactile_toy import toy_dataset, toy_geodesics
 
+from dissertation.recorded import touch_transfer
+from dissertation.recorded.readers import clmc, slide
+from dissertation.recorded.touch_transfer import TouchSet
 from structlearn.core.errors import InputError, MissingInputError
-from structlearn.readers import clmc, slide, synchronise
+from structlearn.readers import synchronise
 from structlearn.readers.demonstration import Demonstration
 from structlearn.tactile.electrodes import biotac
 from structlearn.tactile.touch_dataset import TEST, TRAIN
 from structlearn.tasks.touch import touch_names as names
-from structlearn.tasks.touch import touch_transfer
-from structlearn.tasks.touch.touch_transfer import TouchSet
 
 SKIN = biotac()
 FEW = committed_entry(

@@ -2,18 +2,9 @@
 
 import pandas as pd
 
-from structlearn.core.params import Population
-from structlearn.core.stage import run, stage_parameters
-from structlearn.reporting.claims import quoted_claims
-from structlearn.reporting.publishing import publish_report
-from structlearn.reporting.studies import extended, read_study
-from structlearn.rigid_body.model_names import COULOMB, ROBOT
-from structlearn.rigid_body.newton_euler import agreement_with_pinocchio
-from structlearn.rigid_body.tree import read_urdf
-from structlearn.simulation.arm import ArmParameters, urdf_path
-from structlearn.testbeds.dynamics import files
-from structlearn.testbeds.dynamics.page.figures import arm_still, drawings
-from structlearn.testbeds.dynamics.page.findings import (
+from dissertation.dynamics import files
+from dissertation.dynamics.page.figures import arm_still, drawings
+from dissertation.dynamics.page.findings import (
     ROBOTS_STUDY,
     STUDIED,
     DynamicsResults,
@@ -22,19 +13,29 @@ from structlearn.testbeds.dynamics.page.findings import (
     known_errors,
     residual_torques,
 )
-from structlearn.testbeds.dynamics.page.page import dynamics_page
-from structlearn.testbeds.dynamics.protocol.tracking import TrackingParameters
-from structlearn.testbeds.dynamics.protocol.trainings import (
+from dissertation.dynamics.page.page import dynamics_page
+from dissertation.dynamics.protocol.tracking import TrackingParameters
+from dissertation.dynamics.protocol.trainings import (
     PUBLISHED,
     DynamicsTrainingParameters,
     OnlineParameters,
 )
-from structlearn.testbeds.dynamics.world.arm_motion import ArmMotionParameters
-from structlearn.testbeds.dynamics.world.joint_logs import (
+from dissertation.dynamics.world.arm_motion import ArmMotionParameters
+from dissertation.dynamics.world.joint_logs import (
     PerturbedRobotParameters,
     RecordMotionParameters,
     perturbed_mechanics,
 )
+from dissertation.evidence.studies import extended, read_study
+from dissertation.simulation.arm import ArmParameters
+from structlearn.core.params import Population
+from structlearn.core.stage import run, stage_parameters
+from structlearn.reporting.claims import quoted_claims
+from structlearn.reporting.publishing import publish_report
+from structlearn.rigid_body.model_names import COULOMB, ROBOT
+from structlearn.rigid_body.newton_euler import agreement_with_pinocchio
+from structlearn.rigid_body.tree import read_urdf
+from structlearn.rigid_body.urdf import urdf_path
 
 PARAMETERS = {
     "arm": ArmParameters,

@@ -1,5 +1,20 @@
 """Report of the obstacle testbed: figures, tables, findings and their page."""
 
+from dissertation.evidence.studies import read_study
+from dissertation.obstacles import files
+from dissertation.obstacles.page.figures import figures
+from dissertation.obstacles.page.findings import (
+    PEOPLE_STUDY,
+    ObstacleResults,
+    example_setting,
+    findings,
+    read_published,
+)
+from dissertation.obstacles.page.page import document
+from dissertation.obstacles.protocol.avoidance_fits import AvoidanceTrainingParameters
+from dissertation.obstacles.protocol.avoidance_protocols import AvoidanceEvaluationParameters
+from dissertation.obstacles.world.reaching_person import AvoiderParameters
+from dissertation.obstacles.world.scenarios import SceneParameters, scenarios
 from structlearn.avoidance.avoidance_dataset import AvoidanceDataParameters
 from structlearn.core.artefacts import read_table
 from structlearn.core.params import Population
@@ -7,21 +22,6 @@ from structlearn.core.stage import run, stage_parameters
 from structlearn.readers.demonstration import read_runs
 from structlearn.reporting.claims import quoted_claims
 from structlearn.reporting.publishing import publish_report
-from structlearn.reporting.studies import read_study
-from structlearn.testbeds.obstacles import files
-from structlearn.testbeds.obstacles.page.figures import figures
-from structlearn.testbeds.obstacles.page.findings import (
-    PEOPLE_STUDY,
-    ObstacleResults,
-    example_setting,
-    findings,
-    read_published,
-)
-from structlearn.testbeds.obstacles.page.page import document
-from structlearn.testbeds.obstacles.protocol.avoidance_fits import AvoidanceTrainingParameters
-from structlearn.testbeds.obstacles.protocol.avoidance_protocols import AvoidanceEvaluationParameters
-from structlearn.testbeds.obstacles.world.reaching_person import AvoiderParameters
-from structlearn.testbeds.obstacles.world.scenarios import SceneParameters, scenarios
 
 PARAMETERS = {
     "obstacle_scene": SceneParameters,

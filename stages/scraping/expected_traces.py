@@ -1,5 +1,7 @@
 """Execute the nominal primitives on the level board and learn expected sensor traces (IV.9.1.3, ii)."""
 
+from dissertation.scraping.protocol.executions import executions, nominal_runs
+from dissertation.scraping.world.testbed import TestbedParameters
 from structlearn.core.artefacts import publish
 from structlearn.core.stage import run, stage_parameters
 from structlearn.feedback.coupling_targets import (
@@ -13,8 +15,6 @@ from structlearn.readers import synchronise, write_recordings
 from structlearn.readers.demonstration import write_runs
 from structlearn.readers.source import ClockParameters
 from structlearn.segmentation.segments import commanded_cuts
-from structlearn.testbeds.scraping.protocol.executions import executions, nominal_runs
-from structlearn.testbeds.scraping.world.testbed import TestbedParameters
 
 
 def main() -> None:

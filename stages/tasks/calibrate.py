@@ -2,6 +2,12 @@
 
 from pathlib import Path
 
+from dissertation.recorded.touch_calibration import (
+    CalibrationParameters,
+    calibration_tables,
+    calibration_traces,
+    in_sets,
+)
 from structlearn.core.artefacts import publish
 from structlearn.core.errors import MissingInputError
 from structlearn.core.stage import or_empty, run, stage_parameters
@@ -9,12 +15,6 @@ from structlearn.readers import read_recordings
 from structlearn.readers.demonstration import read_streams
 from structlearn.tasks.project import defaults_file
 from structlearn.tasks.task_files import TaskFiles, write_tables
-from structlearn.tasks.touch.touch_calibration import (
-    CalibrationParameters,
-    calibration_tables,
-    calibration_traces,
-    in_sets,
-)
 
 SIMULATED = Path("data/raw/scraping/unrolls")
 

@@ -2,11 +2,11 @@
 
 from pathlib import Path
 
+from dissertation.recorded.calibration_section import publish_calibration
+from dissertation.recorded.touch_calibration import CalibrationParameters
 from structlearn.core.artefacts import read_table
 from structlearn.core.stage import run, stage_parameters
 from structlearn.tasks.project import defaults_file
-from structlearn.tasks.touch.calibration_section import publish_calibration
-from structlearn.tasks.touch.touch_calibration import CalibrationParameters
 
 
 def main() -> None:

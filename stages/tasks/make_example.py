@@ -2,9 +2,9 @@
 
 from pathlib import Path
 
+from dissertation.simulation.pick_and_place import takes, write_takes
 from structlearn.core.artefacts import publish
 from structlearn.core.stage import run
-from structlearn.tasks.pick_and_place_world import takes, write_takes
 
 TARGET = Path("data/example/pick")
 SEED, MOVES, COUNT = 1, 3, 6

@@ -12,9 +12,9 @@ from structlearn.tasks.task_files import TaskFiles, is_public, leave_out, run_fo
 
 
 def main(files: TaskFiles) -> None:
+    from dissertation.recorded.torque_parts import learn_parts
     from structlearn.rigid_body.log_fitness import fitness_lines
     from structlearn.tasks.motion.joint_motion import arm_of, learn_motion
-    from structlearn.tasks.motion.torque_parts import learn_parts
 
     parameters = files.entry(MotionParameters)
     logs = read_logs(files.recorded / "logs.parquet", parameters)

@@ -2,10 +2,10 @@
 
 import pandas as pd
 
+from dissertation.recorded.coupling_representations import compare_representations, samples_of_reaches
 from structlearn.avoidance.avoidance_dataset import AvoidanceDataset, from_table
 from structlearn.avoidance.scene_folds import learn_past_obstacles
 from structlearn.core.artefacts import publish
-from structlearn.tasks.obstacles.coupling_representations import compare_representations, samples_of_reaches
 from structlearn.tasks.task_entry import ObstacleEntry
 from structlearn.tasks.task_files import TaskFiles, run_for_task, write_tables
 

@@ -1,7 +1,7 @@
 """Page that lists all public sets."""
 
+from dissertation.recorded.recorded_index import publish_index
 from structlearn.core.stage import run
-from structlearn.tasks.recorded_index import publish_index
 
 if __name__ == "__main__":
     run(publish_index)

@@ -48,11 +48,11 @@ def surfaces(files: TaskFiles, parameters: SurfaceParameters, folder: Path) -> d
 
 
 def transfer(files: TaskFiles, parameters: TouchParameters) -> dict[str, pd.DataFrame]:
-    from structlearn.simulation import fingers
-    from structlearn.simulation.touch import TouchFingerParameters
-    from structlearn.simulation.touch_demonstrator import ToucherParameters
+    from dissertation.recorded.touch_transfer import compare_sets
+    from dissertation.simulation import fingers
+    from dissertation.simulation.touch import TouchFingerParameters
+    from dissertation.simulation.touch_demonstrator import ToucherParameters
     from structlearn.tactile.touch_dataset import TouchDataParameters
-    from structlearn.tasks.touch.touch_transfer import compare_sets
 
     electrodes = stage_parameters("testbed.touch", fingers.TouchParameters)
     return compare_sets(

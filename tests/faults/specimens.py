@@ -19,20 +19,21 @@ from readers_bags import make_recording, pose_messages, pose_rows, write_bag, wr
 from readers_sets import write_boxes, write_dataset, write_kuka, write_skin, write_ur10e
 from scraping_motions import constant_network, scraping_skill
 
+from dissertation.recorded.readers import kuka_lwr4
+from dissertation.recorded.readers.eflesh import FOLDERS, PRESSES, read_run
+from dissertation.recorded.readers.reaches_past_boxes import read_obstacles
+from dissertation.recorded.readers.ur10e import read_motion
 from structlearn.core.artefacts import read_metrics, read_table, write_metrics, write_table
 from structlearn.core.params import read_parameters
 from structlearn.feedback.coupling_model import read_networks, write_networks
 from structlearn.primitives.primitive_files import read_primitives, write_primitives
-from structlearn.readers import kuka_lwr4, read_demonstrations, read_recording, write_recording
+from structlearn.readers import read_demonstrations, read_recording, write_recording
 from structlearn.readers.bag_recording import read_joint_log, write_joint_log
 from structlearn.readers.clock import synchronise
 from structlearn.readers.demonstration import NamedShape
-from structlearn.readers.eflesh import FOLDERS, PRESSES, read_run
 from structlearn.readers.foreign_tables import read_stamped_table
 from structlearn.readers.joint_log import DriveLog, JointLog, read_log_table, signals_of, write_log_table
 from structlearn.readers.lerobot import read_movement
-from structlearn.readers.reaches_past_boxes import read_obstacles
-from structlearn.readers.ur10e import read_motion
 from structlearn.readers.user_tables import read_touch_table
 from structlearn.rigid_body.tree import read_urdf
 from structlearn.segmentation.parameters import SegmentParameters

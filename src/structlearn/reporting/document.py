@@ -64,7 +64,7 @@ class Document:
     """Contents of a page."""
 
     template: str  # file name in `package`
-    package: str  # of the testbed's page, e.g. `structlearn.testbeds.obstacles.page`
+    package: str  # of the testbed's page, e.g. `dissertation.obstacles.page`
     stage: str = ""  # that makes its figures and tables
     facts: Mapping[str, object] = field(default_factory=dict)  # values for the template's sentences
     tables: Mapping[str, Table] = field(default_factory=dict)

@@ -17,6 +17,7 @@ from typing import Any, NamedTuple
 
 import yaml
 
+from dissertation.recorded.coupling_representations import RepresentationParameters
 from structlearn.avoidance.scene_reaches import SceneLearningParameters
 from structlearn.core.artefacts import publish
 from structlearn.core.errors import InputError
@@ -27,7 +28,6 @@ from structlearn.readers.source import ClockParameters, SceneTopicMap, SourcePar
 from structlearn.tasks import project
 from structlearn.tasks.motion.motion_parameters import MotionParameters
 from structlearn.tasks.movement.movement_parameters import MovementEntry
-from structlearn.tasks.obstacles.coupling_representations import RepresentationParameters
 from structlearn.tasks.task_files import NAME_RULE, is_name, is_public, local_path
 from structlearn.tasks.touch.touch_parameters import TouchParameters
 
@@ -140,7 +140,7 @@ def file_digests(source: str) -> dict[str, str]:
     if is_public(source) and not path.exists():
         return {}
     if path.suffix == ".urdf":
-        from structlearn.simulation.arm import urdf_path
+        from structlearn.rigid_body.urdf import urdf_path
 
         path = urdf_path(str(path))
     if not path.exists():

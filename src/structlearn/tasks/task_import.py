@@ -22,6 +22,7 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
+from dissertation.recorded.coupling_samples import RecordedSamples
 from structlearn import readers
 from structlearn.avoidance.avoidance_dataset import to_table
 from structlearn.core.artefacts import publish, write_csv, write_metrics, write_table
@@ -43,13 +44,12 @@ from structlearn.readers.user_tables import (
 from structlearn.segmentation.repeats import split
 from structlearn.tasks.motion.motion_parameters import MotionParameters
 from structlearn.tasks.movement.movement_parameters import MovementEntry
-from structlearn.tasks.obstacles.coupling_samples import RecordedSamples
 from structlearn.tasks.task_entry import ObstacleEntry
 from structlearn.tasks.task_files import LEFT_OUT, is_public, leave_out, local_path
 from structlearn.tasks.touch.touch_parameters import TouchParameters
 
 # Readers in other modules; `bags`: at the end of this one, for all formats of `readers.source`
-OTHERS = {"bags": __name__, "coupling_samples": "structlearn.tasks.obstacles.coupling_samples"}
+OTHERS = {"bags": __name__, "coupling_samples": "dissertation.recorded.coupling_samples"}
 
 LeftOut = dict[str, str]  # reasons why files could not be read, by file name
 

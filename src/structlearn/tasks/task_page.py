@@ -5,6 +5,7 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
+from dissertation.recorded import representations_section, transfer_section
 from structlearn.core.params import read_values
 from structlearn.reporting.claims import Judged, judge, read_claims, unknown
 from structlearn.reporting.document import Document, Source, Table, environment
@@ -13,12 +14,12 @@ from structlearn.reporting.findings import Findings
 from structlearn.reporting.publishing import publish_report
 from structlearn.tasks.motion import motion_section
 from structlearn.tasks.movement import check_section, corrections_section, cuts_section, primitives_section
-from structlearn.tasks.obstacles import representations_section, scene_section
+from structlearn.tasks.obstacles import scene_section
 from structlearn.tasks.project import CLONE, PACKAGE, entry_files, is_lab, pipeline
 from structlearn.tasks.section import Section
 from structlearn.tasks.task_entry import read_checked
 from structlearn.tasks.task_files import TaskFiles, is_public
-from structlearn.tasks.touch import skin_section, surface_section, transfer_section
+from structlearn.tasks.touch import skin_section, surface_section
 
 SECTIONS: dict[str, tuple[Callable[[TaskFiles], Section | None], ...]] = {
     "movement": (

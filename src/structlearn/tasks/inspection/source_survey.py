@@ -113,7 +113,7 @@ def look_at(source: str, urdf: str | None = None) -> SourceSeen:
 
 def _shipped(urdf: str) -> str:
     """Path of a file in `pybullet_data`, which entries may name; other names are unchanged."""
-    from structlearn.simulation.arm import urdf_path  # slow import, only needed here
+    from structlearn.rigid_body.urdf import urdf_path  # slow import, only needed here
 
     with suppress(InputError):
         return str(urdf_path(urdf))

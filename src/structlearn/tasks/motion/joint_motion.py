@@ -36,7 +36,7 @@ from structlearn.rigid_body.log_fitness import log_fitness, parameter_table
 from structlearn.rigid_body.model_comparison import NETWORKS, TRAIN, Models, NetworkTraining
 from structlearn.rigid_body.motion import Motion, joined, measured_motion
 from structlearn.rigid_body.tree import KinematicTree, Robot, joint_order, read_urdf
-from structlearn.simulation.arm import urdf_path
+from structlearn.rigid_body.urdf import urdf_path
 from structlearn.tasks.motion import drives_and_load
 from structlearn.tasks.motion.drives_and_load import FRICTION, longest_motion
 from structlearn.tasks.motion.motion_parameters import (

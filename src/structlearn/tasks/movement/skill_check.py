@@ -39,7 +39,7 @@ from structlearn.rigid_body.arm_kinematics import (
     read_shapes,
     rest_for,
 )
-from structlearn.simulation.arm import urdf_path
+from structlearn.rigid_body.urdf import urdf_path
 from structlearn.tasks.movement import check_results
 from structlearn.tasks.movement.check_results import CORRECTIONS, GOALS, NO, NOMINAL, STARTS, SkillCheck
 from structlearn.tasks.movement.movement_parameters import RobotParameters

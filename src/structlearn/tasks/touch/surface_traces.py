@@ -6,12 +6,12 @@ from collections.abc import Sequence
 import numpy as np
 import pandas as pd
 
+from dissertation.recorded.readers.slide import material_of
 from structlearn.core.errors import MissingInputError
 from structlearn.primitives.vector import VectorPrimitive, deviation, fit_expected_traces, without_offset
 from structlearn.readers import synchronise
 from structlearn.readers.clock import held_out_error
 from structlearn.readers.demonstration import Demonstration, Recording
-from structlearn.readers.slide import material_of
 from structlearn.tasks.touch.touch_parameters import SurfaceParameters
 
 # first and last electrode of each part of a BioTac's core (see `tactile.electrodes`)

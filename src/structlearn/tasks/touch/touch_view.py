@@ -9,10 +9,10 @@ import pandas as pd
 import rerun as rr
 import rerun.blueprint as rrb
 
+from dissertation.recorded.readers.slide import material_of
 from structlearn.palette import BLUE, GREY, LIGHT_GREY, ORANGE, place_colours
 from structlearn.primitives.vector import VectorPrimitive, deviation, without_offset
 from structlearn.readers.demonstration import Demonstration
-from structlearn.readers.slide import material_of
 from structlearn.tasks.touch.surface_traces import trial_groups
 from structlearn.tasks.touch.touch_names import SLIDE_GROUPS, of_pair, shown_map
 from structlearn.tasks.touch.touch_parameters import SurfaceParameters

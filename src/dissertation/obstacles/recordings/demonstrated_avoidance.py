@@ -1,0 +1,331 @@
+"""Recordings of trained scenarios: demonstrations (IV.8.3), and the models beside them (IV.8.5, 8.6).
+
+Everything is in the base frame. No robot is shown; the hand is a point, as in motion capture.
+"""
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pandas as pd
+import rerun as rr
+import rerun.blueprint as rrb
+from pydantic import Field
+from rerun.components import FillMode
+
+from dissertation.obstacles.names import DEMONSTRATIONS, FREE, HIT, KINDS, SOURCES, model_name
+from dissertation.obstacles.protocol.avoidance_protocols import NO_MODEL, TRAINED
+from dissertation.obstacles.protocol.unrolled_reaches import (
+    Group,
+    SituationKey,
+    of_model,
+    without_avoidance,
+)
+from dissertation.obstacles.world.scenarios import Scenario
+from structlearn.avoidance.avoidance_dataset import to_local
+from structlearn.avoidance.shapes import Obstacle
+from structlearn.core.errors import InputError
+from structlearn.core.params import Parameters
+from structlearn.primitives.position import PositionPrimitive
+from structlearn.readers.demonstration import Demonstration
+from structlearn.viewer import rrd
+from structlearn.viewer.rrd import FLOOR_SQUARE_M, entity, plot, rgba, scene_view, send_curve, time_column
+
+BARE = SOURCES[""]  # look of the reach without avoidance
+PALE = 0.5  # opacity of the many demonstrations and of future paths
+SOLID_OPACITY = 0.35  # of obstacles: the far side of the cloud stays visible
+ARROW_SCALE, LONGEST_ARROW_M = 1.5e-3, 0.15  # m per m of coupling term; Rai et al. reach 100 times as much
+ARROW_EVERY = 2  # samples of a path per arrow
+
+SIDES = {1: "left of", 2: "above"}
+"""Sides of the straight line from start to goal, by local axis."""
+
+DIRECTIONS = {1: "to the left", 2: "upwards"}
+"""Directions of coupling terms, by local axis; along the reach the term is always 0."""
+
+DIM = "#555c64"  # demonstrated coupling terms, darker than demonstrations
+ROOM = 1.5  # axis range for coupling terms relative to the demonstrated range
+
+
+class ObstacleViewParameters(Parameters):
+    """Contents of the recordings of demonstrations and models."""
+
+    scenarios: tuple[str, ...] = Field(min_length=1)
+
+
+@dataclass(frozen=True)
+class ShownScenario:
+    """A scenario with its demonstrations and the models' reaches."""
+
+    scenario: Scenario
+    cloud: np.ndarray  # (P, 3) m, base frame, the obstacle's points as the models see them
+    demonstrations: Sequence[Demonstration]
+    targets: pd.DataFrame  # samples of the demonstrations: `demonstration`, `time_s`, `target_x`, ...
+    reaches: Group  # of the models, including the one without avoidance
+
+
+def shown_scenarios(
+    places: Sequence[Scenario],
+    names: Sequence[str],
+    demonstrated: Callable[[Scenario], Sequence[Demonstration]],
+    samples: pd.DataFrame,
+    reaches: Mapping[SituationKey, Group],
+    cloud_count: int,
+) -> list[ShownScenario]:
+    """Demonstrations, samples and unrolls of the scenarios in `names`, in that order.
+
+    Raises InputError: there is no scenario of a name.
+    """
+    known, shown = {place.name: number for number, place in enumerate(places)}, []
+    for name in names:
+        if name not in known:
+            raise InputError(
+                f"inspect_obstacles.scenarios: there is no '{name}'; names are '{places[0].name}' to "
+                f"'{places[-1].name}'"
+            )
+        scenario = places[known[name]]
+        cloud, its = scenario.obstacle.cloud(cloud_count), samples[samples["scenario"] == known[name]]
+        unrolled = reaches[SituationKey(TRAINED, scenario.shape, scenario.setting)]
+        shown.append(ShownScenario(scenario, cloud, demonstrated(scenario), its, unrolled))
+    return shown
+
+
+def write_avoidance_demonstrations(
+    path: str | Path,
+    shown: Sequence[ShownScenario],
+    unhindered: Sequence[Demonstration],
+    baseline: PositionPrimitive,
+    places: Sequence[tuple[Scenario, bool]],
+    title: str,
+) -> None:
+    """Record demonstrations past obstacles: a tab of the chosen scenarios, one of all settings, one of each.
+
+    `places`: a scenario of each setting, and whether the reach without avoidance hits an obstacle there.
+    """
+    origin = rrd.origin_label([*unhindered, *(one for group in shown for one in group.demonstrations)])
+    with rrd.recording(path, title) as stream:
+        rrd.send_notes(stream, _notes(title, origin, shown, unhindered, places))
+        everything = _send_settings(stream, unhindered, baseline, places)
+        floor = rrd.send_floor_axes(stream, "/axes", everything)
+        settings = scene_view("all settings", ["/places", "/unhindered/**", "/axes"], everything, floor)
+        scenes, details = [], []
+        for one in shown:
+            name, points = one.scenario.name, send_scenario(stream, one)
+            floor = rrd.send_floor_axes(stream, entity(name, "axes"), points)
+            parts = ("obstacle", "demonstrated", BARE.name, "hands", "axes")
+            contents = [f"{entity(name, part)}/**" for part in parts]
+            scenes.append(scene_view(name, contents, points, floor))
+            curves = rrb.Vertical(*_send_signals(stream, one, baseline))
+            detail = scene_view(name, contents, points, floor)
+            details.append(rrb.Horizontal(detail, curves, column_shares=[4, 3], name=name))
+        views: dict[str, rrb.Container | rrb.View] = {
+            "chosen scenarios": rrb.Grid(*scenes, grid_columns=3),
+            "all settings": settings,
+        }
+        tabs = [
+            rrb.Horizontal(view, rrd.notes_view(), column_shares=[4, 1], name=words)
+            for words, view in views.items()
+        ]
+        stream.send_blueprint(rrd.layout(rrb.Tabs(*tabs, *details, active_tab=0)))
+
+
+def _send_settings(
+    stream: rr.RecordingStream,
+    unhindered: Sequence[Demonstration],
+    baseline: PositionPrimitive,
+    places: Sequence[tuple[Scenario, bool]],
+) -> np.ndarray:
+    """Log obstacles labelled by setting, and reaches without obstacle; return all points (N, 3) m."""
+    centres = [place.obstacle.centre for place, _ in places]
+    colours = rgba([(HIT if hit else FREE).colour for _, hit in places])
+    labels = [f"{place.setting:02d}" for place, _ in places]
+    balls = rr.Points3D(centres, colors=colours, radii=0.012, labels=labels, show_labels=True)
+    stream.log("places", balls, static=True)
+    paths = [one.position for one in unhindered]
+    send_paths(stream, entity("unhindered", "paths"), paths, DEMONSTRATIONS.colour, PALE)
+    bare = baseline.unroll(0.01).position
+    send_paths(stream, entity("unhindered", BARE.name), [bare], BARE.colour, width=2.0)
+    return np.concatenate([centres, *paths])
+
+
+def _send_signals(
+    stream: rr.RecordingStream, one: ShownScenario, baseline: PositionPrimitive
+) -> list[rrb.TimeSeriesView]:
+    """Log the demonstrated hands, and plot signals of the demonstrations and of no avoidance."""
+    name, bare = one.scenario.name, without_avoidance(one.reaches)
+    grey = DEMONSTRATIONS.colour
+    people = [(person.name, person.time, person.position, grey) for person in one.demonstrations]
+    for label, time, position, colour in people:
+        send_hand(stream, entity(name, "hands", label), time, position, colour)
+    for label, time, position, colour in [*people, (BARE.name, bare.time, bare.position, BARE.colour)]:
+        local = 1e3 * to_local(position, baseline)
+        curves = {"distance": 1e3 * one.scenario.obstacle.signed_distance(position)}
+        curves |= {side: local[:, axis] for axis, side in SIDES.items()}
+        for part, values in curves.items():
+            send_curve(stream, entity(name, part, label), time, values, label, colour)
+    words = {"distance": "distance to the surface (mm)"}
+    words |= {side: f"hand {side} the straight line (mm)" for side in SIDES.values()}
+    return [plot(heading, [f"{entity(name, part)}/**"], False) for part, heading in words.items()]
+
+
+def _notes(
+    title: str,
+    origin: str,
+    shown: Sequence[ShownScenario],
+    unhindered: Sequence[Demonstration],
+    places: Sequence[tuple[Scenario, bool]],
+) -> str:
+    colours = {look.name: look.colour for look in (DEMONSTRATIONS, HIT, FREE)}
+    colours[f"{BARE.name}: a movement primitive learned from reaches without obstacle"] = BARE.colour
+    return (
+        f"# {title}\n\nReaches past obstacles{origin}: {len(places)} settings, each with several shapes. "
+        f"{len(shown)} scenarios are chosen here, with {len(shown[0].demonstrations)} demonstrations each. "
+        f"A square of the floor is {FLOOR_SQUARE_M:g} m wide. {len(unhindered)} reaches without obstacle are "
+        "in the tab *all settings*, with the number of every setting. In "
+        f"{sum(hit for _, hit in places)} settings the reach without avoidance hits an obstacle: it enters "
+        "the virtual radius, as in the tables. Dots on an obstacle are the cloud that models see; a point is "
+        "the hand.\n\n"
+        f"{rrd.legend(colours)}\n\nPlay the time line to see the hands move.\n"
+    )
+
+
+def write_trained_avoidance(path: str | Path, shown: Sequence[ShownScenario], title: str) -> None:
+    """Record unrolls in trained scenarios: one tab per scenario, one column per kind of model.
+
+    A column shows paths with coupling terms beside the demonstrations, the distance to the obstacle, and
+    coupling terms over time beside the demonstrated ones.
+    """
+    origin = rrd.origin_label([one for group in shown for one in group.demonstrations])
+    with rrd.recording(path, title) as stream:
+        tabs = []
+        for one in shown:
+            name, points = one.scenario.name, send_scenario(stream, one)
+            for number, rows in one.targets.groupby("demonstration"):
+                for axis, direction in DIRECTIONS.items():
+                    curve = entity(name, "demonstrated terms", direction, str(number))
+                    time, term = (rows[key].to_numpy(float) for key in ("time_s", f"target_{'xyz'[axis]}"))
+                    send_curve(stream, curve, time, term, DEMONSTRATIONS.name, DIM)
+            rrd.send_notes(stream, _trained_notes(title, origin, one), name)
+            floor = rrd.send_floor_axes(stream, entity(name, "axes"), points)
+            kinds = [kind for kind in KINDS if kind != NO_MODEL and of_model(one.reaches, kind)]
+            columns = [_send_model(stream, one, kind, points, floor) for kind in kinds]
+            shares = [5] * len(columns) + [4]
+            tabs.append(rrb.Horizontal(*columns, rrd.notes_view(name), column_shares=shares, name=name))
+        stream.send_blueprint(rrd.layout(rrb.Tabs(*tabs, active_tab=0)))
+
+
+def _send_model(
+    stream: rr.RecordingStream, one: ShownScenario, kind: str, points: np.ndarray, floor: float
+) -> rrb.Vertical:
+    """Log paths and signals of a kind of model by training source; return its scene and plots."""
+    name = one.scenario.name
+    for reach in of_model(one.reaches, kind):
+        label, colour = SOURCES[reach.learned_from]
+        scene = entity(name, kind, label)
+        send_paths(stream, f"{scene}/path", [reach.position], colour, width=1.5)
+        arrows = rr.Arrows3D(
+            origins=reach.position[::ARROW_EVERY],
+            vectors=arrow_vectors(reach.coupling_in_base[::ARROW_EVERY]),
+            colors=rgba([colour], 0.8),
+            radii=-0.8,
+        )
+        stream.log(f"{scene}/coupling", arrows, static=True)
+        send_hand(stream, f"{scene}/hand", reach.time, reach.position, colour)
+        distance = 1e3 * one.scenario.obstacle.signed_distance(reach.position)
+        send_curve(stream, entity(name, "distance", kind, label), reach.time, distance, label, colour)
+        for axis, direction in DIRECTIONS.items():
+            curve = entity(name, "terms", kind, direction, label)
+            send_curve(stream, curve, reach.time, reach.coupling[:, axis], label, colour)
+    parts = ("obstacle", "demonstrated", BARE.name, "axes", kind)
+    view = scene_view(KINDS[kind].name, [f"{entity(name, part)}/**" for part in parts], points, floor)
+    nearness = plot("distance to the surface (mm)", [f"{entity(name, 'distance', kind)}/**"])
+    limit = ROOM * float(np.abs(one.targets[["target_y", "target_z"]].to_numpy()).max())
+    terms = []
+    for direction in DIRECTIONS.values():
+        curves = (("demonstrated terms", direction), ("terms", kind, direction))
+        contents = [f"{entity(name, *curve)}/**" for curve in curves]
+        term = plot(f"coupling {direction} (m)", contents, legend=False)
+        term.properties["ScalarAxis"] = rrb.ScalarAxis(range=(-limit, limit))
+        terms.append(term)
+    return rrb.Vertical(view, nearness, *terms, row_shares=[5, 2, 2, 2])
+
+
+def _trained_notes(title: str, origin: str, one: ShownScenario) -> str:
+    surface = one.scenario.obstacle.signed_distance
+    rows = [
+        f"| {1e3 * surface(reach.position).min():.0f} | {1e3 * reach.goal_distance_m:.0f} | "
+        f"{model_name(reach.model, reach.learned_from)} |"
+        for reach in one.reaches
+    ]
+    people = min(1e3 * surface(person.position).min() for person in one.demonstrations)
+    looks = [DEMONSTRATIONS, *(SOURCES[reach.learned_from] for reach in one.reaches)]
+    colours = rrd.legend({look.name: look.colour for look in looks})
+    return (
+        f"# {title}\n\nThe {one.scenario.shape} in setting {one.scenario.setting:02d}, and what models do "
+        f"that learned from it{origin}: from this setting alone, from all {one.scenario.shape}s, or from all "
+        f"shapes. The reaches are unrolled, without a robot.\n\n{colours}\n\nArrows are the coupling term "
+        f"along the path; none is drawn longer than {LONGEST_ARROW_M:g} m. Dark grey in plots: demonstrated "
+        f"coupling terms. A square of the floor is {FLOOR_SQUARE_M:g} m wide."
+        "\n\n| closest | goal off | model |\n|---|---|---|\n"
+        + "\n".join([*rows, f"| {people:.0f} | | {DEMONSTRATIONS.name} |"])
+        + "\n\nClosest: mm from the obstacle's surface, negative inside. Goal off: mm at the due time.\n"
+    )
+
+
+def _body(solid: Obstacle, colour: str) -> rr.AsComponents:
+    """Solid of an obstacle at rest."""
+    from scipy.spatial.transform import Rotation
+
+    pose: dict[str, Any] = {
+        "centers": [solid.centre],
+        "quaternions": [Rotation.from_matrix(solid.rotation).as_quat()],  # x, y, z, w
+        "colors": rgba([colour], SOLID_OPACITY),
+        "fill_mode": FillMode.Solid,
+    }
+    if solid.shape == "cylinder":
+        radius, _, half_height = solid.half_size
+        return rr.Cylinders3D(lengths=[2.0 * half_height], radii=[radius], **pose)
+    drawn = rr.Boxes3D if solid.shape == "cube" else rr.Ellipsoids3D
+    return drawn(half_sizes=[solid.half_size], **pose)
+
+
+def send_paths(
+    stream: rr.RecordingStream,
+    path: str,
+    positions: Sequence[np.ndarray],
+    colour: str,
+    opacity: float = 1.0,
+    width: float = 1.0,
+) -> None:
+    """Log whole paths, (T, 3) m each, as lines; `width` is half the line width in points."""
+    strips = rr.LineStrips3D(list(positions), colors=rgba([colour], opacity), radii=-width)
+    stream.log(path, strips, static=True)
+
+
+def send_hand(
+    stream: rr.RecordingStream, path: str, time: np.ndarray, position: np.ndarray, colour: str
+) -> None:
+    """Log a hand moving over time (T,) s as a point (T, 3) m."""
+    rrd.send_moving_frame(stream, path, [time_column(time)], position, None, colour, 0.0)
+
+
+def arrow_vectors(coupling: np.ndarray) -> np.ndarray:
+    """Arrows (N, 3) in m for coupling terms (N, 3) in m, at most `LONGEST_ARROW_M` long."""
+    vectors = ARROW_SCALE * coupling
+    length = np.linalg.norm(vectors, axis=-1, keepdims=True)
+    return vectors * np.minimum(1.0, LONGEST_ARROW_M / np.maximum(length, LONGEST_ARROW_M))
+
+
+def send_scenario(stream: rr.RecordingStream, one: ShownScenario) -> np.ndarray:
+    """Log an obstacle, demonstrations and the reach without avoidance; return all points (N, 3) m."""
+    name, bare = one.scenario.name, without_avoidance(one.reaches)
+    demonstrated = [person.position for person in one.demonstrations]
+    colour, path = (HIT if bare.hit else FREE).colour, entity(name, "obstacle")
+    stream.log(f"{path}/solid", _body(one.scenario.obstacle, colour), static=True)
+    stream.log(f"{path}/cloud", rr.Points3D(one.cloud, colors=rgba([colour]), radii=-1.5), static=True)
+    send_paths(stream, entity(name, "demonstrated"), demonstrated, DEMONSTRATIONS.colour, PALE)
+    send_paths(stream, entity(name, BARE.name, "path"), [bare.position], BARE.colour, width=2.0)
+    send_hand(stream, entity(name, BARE.name, "hand"), bare.time, bare.position, BARE.colour)
+    return np.concatenate([one.cloud, bare.position, *demonstrated])
