@@ -21,12 +21,11 @@ help:
 # The table of findings is also in the README.
 TABLE_OF_README := sed -i -e '/^<!-- findings -->/,/^<!-- end of findings -->/{/^<!--/!d}' -e '/^<!-- findings -->/r reports/findings.md' README.md
 
-# The testbeds share no stage but the list of code, so a first run makes two at a time, the longest first: one fills the
-# cores while the other waits. `dvc repro` does what is left.
+# The testbeds share no stage, so a first run makes two at a time, the longest first: one fills the cores while the
+# other waits. `dvc repro` does what is left.
 TESTBEDS := dynamics scraping servoing obstacles
 repro: $(INSTALLED)  ## run the whole pipeline, write reports/index.html
-ifeq ($(wildcard data/code/main),)
-	$(IN_ENVIRONMENT) dvc repro --quiet code
+ifeq ($(wildcard data/raw),)
 	@$(MAKE) --no-print-directory --jobs=2 $(TESTBEDS:%=stages-of-%)
 endif
 	$(IN_ENVIRONMENT) dvc repro

@@ -117,7 +117,7 @@ HOLDS_NOTHING_OUT = {
 }
 """Why stages have no case."""
 
-SHOWS = ("report", "view", "list_code", "loop", "make_example")
+SHOWS = ("report", "view", "loop", "make_example")
 """Stages that show what others wrote, or list sources."""
 
 

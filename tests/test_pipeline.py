@@ -23,7 +23,7 @@ from structlearn.core.stage import TIMES, read_times, stage_parameters
 from structlearn.reporting.document import render, words_in_view
 
 CUTTING = [
-    *("code", "scraping_record_nominal", "scraping_import_nominal"),
+    *("scraping_record_nominal", "scraping_import_nominal"),
     *("scraping_segment", "scraping_fit_primitives"),
 ]
 """Stages on which DVC itself is tried."""
@@ -147,15 +147,52 @@ def test_a_changed_parameter_reruns_only_what_depends_on_it(watched):
     assert repro(watched, CUTTING[-1]) == []  # nothing is done again
 
 
-def test_rewording_a_page_makes_only_that_page_again(watched):
-    """Of all lists of code, that of its report changes; so the front page runs after it, and nothing else."""
-    template = watched / "src/dissertation/obstacles/page/obstacles.html.jinja"
-    lists, text = watched / "data/code/main", template.read_text()
-    before = {path: path.read_bytes() for path in lists.rglob("*.txt")}
-    template.write_text(text + "\n")
-    assert repro(watched, "code") == ["code"]
-    assert [path for path in before if path.read_bytes() != before[path]] == [lists / "obstacles/report.txt"]
-    template.write_text(text)
+EDITS = {
+    "stages/scraping/segment.py": {"scraping_segment"},
+    "src/dissertation/obstacles/page/obstacles.html.jinja": {"obstacles_report"},
+    "src/structlearn/policy_search/pi2.py": {
+        *("scraping_refine", "scraping_evaluate_refinement", "scraping_compare_search"),
+        *("scraping_view", "scraping_report", "scraping_loop"),
+    },
+    "params.yaml": {
+        *("scraping_segment", "scraping_sweep", "scraping_write_skill", "scraping_view", "engines"),
+        *(f"{testbed}_{shown}" for testbed in TESTBEDS for shown in ("report", "view")),
+    },
+}
+"""By an edited file: the stages that are no longer up to date. The parameter is one that several share."""
+
+
+@pytest.fixture(scope="module")
+def up_to_date(reduced_project, tmp_path_factory) -> Path:
+    """The finished project, whose stages DVC takes as it finds them."""
+    project = Path(
+        shutil.copytree(reduced_project, tmp_path_factory.mktemp("dvc") / "project", symlinks=True)
+    )
+    assert status(project) != {}
+    subprocess.run([sys.executable, "-m", "dvc", "commit", "--force", "--quiet"], cwd=project, check=True)
+    return project
+
+
+def status(project: Path, *stages: str) -> dict[str, list[object]]:
+    """What DVC says has changed, by stage."""
+    command = [sys.executable, "-m", "dvc", "status", "--json", *stages]
+    return json.loads(subprocess.run(command, cwd=project, check=True, capture_output=True).stdout)
+
+
+@pytest.mark.parametrize("file", EDITS)
+def test_status_and_single_stages_see_an_edit_at_once(up_to_date, file):
+    """Of a script, a source, a template, a parameter; also if a single stage is asked for."""
+    path = up_to_date / file
+    text = path.read_text()
+    assert status(up_to_date) == {}
+    path.write_text(
+        text.replace("extension_s: ", "extension_s: 1") if path.suffix == ".yaml" else text + "\n"
+    )
+    assert set(status(up_to_date)) == EDITS[file]
+    stage = min(EDITS[file])
+    assert set(status(up_to_date, stage)) == {stage}
+    assert repro(up_to_date, "--single-item", "--dry", stage) == [stage]
+    path.write_text(text)
 
 
 def test_a_killed_stage_leaves_nothing_half_written(reduced_project, copied):

@@ -79,7 +79,7 @@ def test_the_drawing_follows_the_pipeline():
     }
 
     def before(name):
-        direct = {makes[dep] for dep in stages[name]["deps"] if dep in makes and makes[dep] != "code"}
+        direct = {makes[dep] for dep in stages[name]["deps"] if dep in makes}
         return direct.union(*(before(one) for one in direct)) if direct else set()
 
     for first, then in zip(PAGE.steps, PAGE.steps[1:], strict=False):

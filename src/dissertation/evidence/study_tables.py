@@ -267,10 +267,7 @@ def made_with(name: str, description: Description, root: Path) -> dict[str, str]
     """Digests of the parameters that a study's stages depend on."""
     testbed, stages = name.partition("/")[0], read_values(root / "dvc.yaml")["stages"]
     its = [stages[f"{testbed}_{stage}"] for stage in description.stages]
-    own = [key for one in its for key in one.get("params", [])]
-    files = [Path(dep) for one in its for dep in one.get("deps", [])]
-    shared = [path.stem for path in files if path.match("data/code/main/*.yaml")]  # keys shared by stages
-    keys = sorted({key.split(".")[0] for key in (*own, *shared)})
+    keys = sorted({key.split(".")[0] for one in its for key in one.get("params", [])})
     return digests(read_values(root / "params.yaml"), keys, description.seeds)
 
 

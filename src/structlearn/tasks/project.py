@@ -9,11 +9,8 @@ import re
 from pathlib import Path
 from typing import Any
 
-from structlearn.core.artefacts import publish
 from structlearn.core.errors import InputError
 from structlearn.core.params import read_values
-from structlearn.core.source_closure import SourceTree
-from structlearn.core.stage import run
 
 PACKAGE = "structlearn.tasks"
 LAB = Path("structlearn.yaml")
@@ -75,13 +72,3 @@ def _from_package(stage: dict[str, Any]) -> dict[str, Any]:
     if "params" in body:
         body["params"] = [one for one in body["params"] if isinstance(one, dict)]
     return {"foreach": stage["foreach"], "do": body}
-
-
-def list_code() -> None:
-    """List the code of each lab stage with digests, so that package updates only rerun what they change."""
-    with publish(CODE) as target:
-        SourceTree(Path(__file__).parents[2]).write(sorted(PACKAGED.glob("*.py")), target)
-
-
-if __name__ == "__main__":
-    run(list_code)

@@ -1,0 +1,72 @@
+"""What a script imports of the project, directly or indirectly, read from syntax trees."""
+
+import ast
+from collections.abc import Iterable, Iterator
+from functools import cache
+from pathlib import Path
+
+SOURCES = Path(__file__).resolve().parents[1] / "src"
+
+
+@cache
+def modules() -> dict[str, Path]:
+    """Every module of both packages by its dotted name; packages by their `__init__.py`."""
+    found = {}
+    for path in sorted(SOURCES.rglob("*.py")):
+        parts = path.relative_to(SOURCES).with_suffix("").parts
+        found[".".join(parts[:-1] if parts[-1] == "__init__" else parts)] = path
+    return found
+
+
+@cache
+def faces() -> dict[str, str]:
+    """Module that defines each name of a lazily loaded package, by `package.name`, from the stubs."""
+    found = {}
+    for stub in SOURCES.rglob("__init__.pyi"):
+        package = ".".join(stub.relative_to(SOURCES).parent.parts)
+        for node in ast.parse(stub.read_text()).body:
+            if isinstance(node, ast.ImportFrom):
+                module = f"{package}.{node.module}" if node.level else str(node.module)
+                found |= {f"{package}.{alias.name}": module for alias in node.names}
+    return found
+
+
+def named(nodes: Iterable[ast.AST]) -> Iterator[str]:
+    """Dotted names that statements import: of modules, or of what is in them."""
+    for node in nodes:
+        if isinstance(node, ast.Import):
+            yield from (alias.name for alias in node.names)
+        elif isinstance(node, ast.ImportFrom):
+            assert not node.level, f"line {node.lineno}: modules are named in full"
+            yield from (f"{node.module}.{alias.name}" for alias in node.names)
+
+
+def module_of(name: str) -> str | None:
+    """Module of ours that an imported name comes from; None for those of others."""
+    candidates = (name, faces().get(name, ""), name.rpartition(".")[0])
+    return next((one for one in candidates if one in modules()), None)
+
+
+@cache
+def imported(path: Path) -> frozenset[str]:
+    """Modules of ours that a file imports, at its top or inside its functions."""
+    found = {module_of(name) for name in named(ast.walk(ast.parse(path.read_text())))}
+    return frozenset(one for one in found if one is not None)
+
+
+@cache
+def closure(script: Path) -> frozenset[str]:
+    """Modules of ours that a script imports, directly or indirectly."""
+    found: set[str] = set()
+    waiting = set(imported(script))
+    while waiting:
+        module = waiting.pop()
+        found.add(module)
+        waiting |= imported(modules()[module]) - found
+    return frozenset(found)
+
+
+def code_of(script: Path, depth: int = 2) -> set[Path]:
+    """Folders, `depth` names below the sources, of the code that a script uses; and files above these."""
+    files = (modules()[module].relative_to(SOURCES) for module in closure(script))
+    return {Path(*file.parts[:depth]) for file in files}
