@@ -12,6 +12,8 @@ override URDF := $(value URDF)
 override OUTPUT := $(value OUTPUT)
 override LOCK := $(value LOCK)
 export TASK SOURCE URDF OUTPUT LOCK
+# The caller's Python must not decide which packages run here: `setup.bash` of ROS sets PYTHONPATH.
+unexport PYTHONPATH PYTHONHOME
 
 .PHONY: help repro test docs lint recorded own own-example inspect excite check bench profile studies studies-check other-processor verdicts faults kills upsets view plot-page clean
 

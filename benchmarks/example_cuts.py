@@ -15,6 +15,7 @@ from itertools import pairwise
 
 import numpy as np
 import pandas as pd
+from timing import at_least_one
 
 from dissertation.simulation.hand_noise import hand_noise
 from dissertation.simulation.pick_and_place import MOVES, SLOW, as_recording, session, takes
@@ -172,7 +173,7 @@ def main() -> None:
     """Print a row per kind of demonstrations and number of moves as soon as it is known."""
     arguments = argparse.ArgumentParser(description=__doc__.split("\n")[0])
     arguments.add_argument("--first", type=int, default=101)
-    arguments.add_argument("--count", type=int, default=40)
+    arguments.add_argument("--count", type=at_least_one, default=40)
     arguments.add_argument("--ends", choices=ENDS, default="onset")
     names = [*KINDS, "sessions", "wiping"]
     arguments.add_argument("--rows", choices=names, nargs="+", default=names)

@@ -4,10 +4,11 @@ make own-example                             # six bags of an invented task, dat
 python examples/learn_from_bags.py pick      # any entry of stages/tasks/own.yaml
 """
 
-import sys
+import argparse
 
 import numpy as np
 
+from structlearn.core.stage import run
 from structlearn.primitives import cross_validation, learn_sequence, sequence
 from structlearn.readers import read_demonstrations
 from structlearn.segmentation import cut
@@ -42,4 +43,7 @@ def main(name: str) -> sequence.SequencePath:
 
 
 if __name__ == "__main__":
-    main(*sys.argv[1:])
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument("name", help="a task of stages/tasks/own.yaml")
+    name = parser.parse_args().name
+    run(lambda: main(name))

@@ -357,6 +357,8 @@ def test_damaged_files_are_left_out_and_named(example, tmp_path, capsys):
 
 def test_a_name_for_the_task_is_one_for_folders_and_the_home_folder_is_not_written_out(tmp_path, monkeypatch):
     assert task_name("~/my bags (new)") == "my_bags_new"
+    assert task_name("~/bags/2026-01-02") == "task_2026_01_02"  # a number in YAML
+    assert task_name("~/---") == "task"
     (tmp_path / "a-b.mcap").write_bytes(b"")
     assert task_name(str(tmp_path / "a-b.mcap")) == "a_b"
     monkeypatch.setenv("HOME", "/home/somebody")

@@ -366,3 +366,33 @@ def test_a_payload_is_found_after_it_was_picked_up():
     found = after[["moment_x_kg_m", "moment_y_kg_m", "moment_z_kg_m"]].to_numpy(float)
     np.testing.assert_allclose(found, mass * np.array(point), atol=0.01)
     assert after["nmse_learned"] < 0.01 * after["nmse_fixed"]
+
+
+def test_after_the_memory_a_sample_has_half_its_weight():
+    """The same moves empty and then loaded, one batch each: the load is found to 1 / (1 + 1/2)."""
+    empty, mass = arm(), 1.5
+    moves = sine_motion(empty).part(slice(0, 100))
+    states = moves.q, moves.qd, moves.qdd
+    loaded = rigid_body_torques(empty.tree, carrying(empty, Payload(mass, (0.02, -0.01, 0.1), 1e-3)), moves)
+    without = rigid_body_torques(empty.tree, empty.inertias, moves)
+    followed = Motion(*(np.vstack([values, values]) for values in states), np.vstack([without, loaded]))
+    options = {"batch": 100, "memory_s": 100 * 0.02, "empty_s": 100 * 0.02}
+    parameters = committed(PayloadLearningParameters, "online.payload", **options)
+    table = follow_payload(empty.tree, empty.inertias, followed, 0.02, parameters)
+    np.testing.assert_allclose(table["mass_kg"], [0.0, mass / 1.5], atol=0.01)
+
+
+def test_errors_are_relative_to_the_variance_of_the_whole_motion():
+    """Also where the beginning, whose variance weights the joints, is far quieter."""
+    empty = arm()
+    motion = sine_motion(empty)
+    louder = np.linspace(0.2, 1.0, len(motion))[:, None]
+    states = motion.q, motion.qd * louder, motion.qdd * louder
+    true = carrying(empty, Payload(1.5, (0.02, -0.01, 0.1), 1e-3))
+    torques = rigid_body_torques(empty.tree, true, Motion(*states, motion.torque))
+    followed = Motion(*states, torques)
+    parameters = committed(PayloadLearningParameters, "online.payload", batch=50, empty_s=2.0)
+    table = follow_payload(empty.tree, empty.inertias, followed, 0.02, parameters)
+    off = (rigid_body_torques(empty.tree, empty.inertias, followed) - torques) ** 2 / torques.var(axis=0)
+    expected = [off[start : start + 50].mean() for start in range(0, len(motion), 50)]
+    np.testing.assert_allclose(table["nmse_fixed"], expected, rtol=1e-8)

@@ -28,11 +28,13 @@ import os
 import shutil
 import subprocess
 import sys
+import tempfile
 from collections.abc import Callable, Sequence
 from pathlib import Path
 
 import yaml
 
+from structlearn import __version__
 from structlearn.core.artefacts import publish
 from structlearn.core.errors import InputError
 from structlearn.core.params import home_path
@@ -75,14 +77,17 @@ def new(given: argparse.Namespace) -> None:
         raise InputError(f"{name!r}: {NAME_RULE}")
     if folder.exists() and any(folder.iterdir()):
         raise InputError(f"{folder}: already exists and is not empty")
+    if entries := project.entries_above(folder):
+        raise InputError(
+            f"{folder}: is inside of a project; add an entry to {entries}, or choose another place"
+        )
     source = home_path(given.source)
     if not source.exists():
         raise InputError(f"{given.source}: no such file or folder")
     entry = _entry(given, name, source.resolve())
     with publish(folder) as target:
         target.mkdir()
-        others = "".join(f"{kind}: {{}}\n" for kind in KINDS if kind != given.kind)
-        text = "\n".join(["", f"{given.kind}:", *entry, "", others])
+        text = "\n".join(["", f"{given.kind}:", *entry, ""])
         (target / project.LAB).write_text(HEADER + text)
         pipeline = yaml.safe_dump(project.lab_pipeline(), sort_keys=False, width=110)
         (target / "dvc.yaml").write_text(PIPELINE_HEADER + pipeline)
@@ -133,9 +138,8 @@ def make(given: argparse.Namespace) -> None:
 def check(given: argparse.Namespace) -> None:
     """Check whether the robot of a task can follow its skill."""
     from structlearn.tasks.movement import check_results
-    from structlearn.tasks.task_entry import read_task
 
-    read_task(given.task)
+    _require_movement(given.task)
     _dvc(Path(), "repro", "--quiet", f"{project.pipeline()}:check@{given.task}")
     if not check_results.main(TaskFiles(given.task)):
         sys.exit(1)
@@ -143,9 +147,12 @@ def check(given: argparse.Namespace) -> None:
 
 def view(given: argparse.Namespace) -> None:
     """Open the recordings of a task in 3-D."""
+    from structlearn.tasks.task_entry import read_task
+
     folder = TaskFiles(given.task).report / "rerun"
     files = sorted(map(str, folder.glob("*.rrd")))
     if not files:
+        read_task(given.task)
         raise InputError(f"{folder}: no recordings; make them first: structlearn run {given.task}")
     if not given.web and sys.platform == "linux" and not {"DISPLAY", "WAYLAND_DISPLAY"} & set(os.environ):
         raise InputError(
@@ -164,6 +171,7 @@ def export(given: argparse.Namespace) -> None:
 
     files = TaskFiles(given.task)
     if not files.segments.exists():
+        _require_movement(given.task)
         raise InputError(f"{files.segments}: does not exist; make it first: structlearn run {given.task}")
     target, entry = given.to or Path(given.task), files.entry(MovementEntry)
     if target.exists():
@@ -172,6 +180,14 @@ def export(given: argparse.Namespace) -> None:
     runs, cuts = files.runs("demonstrations"), files.segmentation()
     count = write_lerobot(runs, cuts, target, words, entry.fit.smoothing_hz, given.fps, given.robot)
     print(f"{target}: LeRobotDataset of {count} episodes")
+
+
+def _require_movement(task: str) -> None:
+    """Raise InputError if there is no such task, or it is of another kind."""
+    from structlearn.tasks.task_entry import read_task
+
+    if (kind := read_task(task).kind) != "movement":
+        raise InputError(f"{project.entry_files()[-1]}: {kind}.{task}: is not a movement")
 
 
 def defaults(given: argparse.Namespace) -> None:
@@ -194,7 +210,14 @@ def excite(given: argparse.Namespace) -> None:
 
 
 def _dvc(folder: Path, *words: str) -> None:
-    """Run DVC with this environment's programs first on the path; exit with its code if it fails."""
+    """Run DVC with this environment's programs first on the path; exit with its code if it fails.
+
+    Raises InputError: the folder is not writable.
+    """
+    try:
+        tempfile.TemporaryFile(dir=folder).close()
+    except OSError as error:
+        raise InputError(f"{folder.resolve()}: cannot be written: {error.strerror}") from error
     path = os.pathsep.join([str(Path(sys.executable).parent), os.environ.get("PATH", "")])
     done = subprocess.run(
         [_beside_python("dvc"), *words], cwd=folder, env=os.environ | {"PATH": path}, check=False
@@ -223,6 +246,7 @@ def _arguments(words: list[str] | None) -> argparse.Namespace:
     parser = argparse.ArgumentParser(
         prog="structlearn", description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
     )
+    parser.add_argument("--version", action="version", version=f"structlearn {__version__}")
     commands = parser.add_subparsers(required=True, metavar="COMMAND")
 
     def command(name: str, do: Callable[[argparse.Namespace], None]) -> argparse.ArgumentParser:

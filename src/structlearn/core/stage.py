@@ -22,6 +22,7 @@ from typing import NamedTuple
 from structlearn.core.errors import InputError, MissingInputError
 from structlearn.core.params import ParametersType, read_parameters
 from structlearn.core.publication import alone_in, disk_fault, publish
+from structlearn.core.shadowing import require_own_packages
 
 PARAMETER_FILE = Path("params.yaml")
 INTERRUPTED = 130  # exit code after SIGINT, as in shells
@@ -52,10 +53,11 @@ def or_empty(main: Callable[[], None], target: str | Path) -> Callable[[], None]
 def run(main: Callable[[], None]) -> None:
     """Run a stage; bad input becomes one line on standard error and exit code 1.
 
-    So does a concurrent run of the same stage, and Ctrl-C with code `INTERRUPTED`. Bugs keep their traceback.
-    If DVC runs the stage, its time is recorded.
+    So do packages hidden by PYTHONPATH, a concurrent run of the same stage, and Ctrl-C with code
+    `INTERRUPTED`. Bugs keep their traceback. If DVC runs the stage, its time is recorded.
     """
     try:
+        require_own_packages()
         with _alone():
             timed(main)
     except InputError as error:
@@ -71,7 +73,8 @@ def _alone() -> Iterator[None]:
     """Lock the stage (of its task, if it has one) against other processes in this folder."""
     script, *words = sys.argv
     package, path = Path(__file__).parents[1], Path(script).resolve()
-    if path.is_relative_to(package) and path.parent.name != "stages":  # a command of the package
+    in_package = path.is_relative_to(package) and path.parent.name != "stages"
+    if in_package or path.name == package.name:  # a command of the package, or the program `structlearn`
         yield
         return
     words = words or [os.environ.get(RUN_BY_DVC, "").partition("@")[2]]
@@ -88,12 +91,12 @@ def _in_one_line(kind: type[BaseException], error: BaseException, trace: Traceba
     """Report a full disk in one line, also when raised while numba saves compiled code."""
     fault = disk_fault(error) if isinstance(error, OSError) else None
     if fault is None:
-        sys.__excepthook__(kind, error, trace)
+        _previous_hook(kind, error, trace)
     else:
         print(f"error: {getattr(error, 'filename', None) or 'a file'}: {fault}", file=sys.stderr)
 
 
-sys.excepthook = _in_one_line
+_previous_hook, sys.excepthook = sys.excepthook, _in_one_line
 
 
 class StageTime(NamedTuple):

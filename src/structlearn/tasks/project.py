@@ -28,6 +28,12 @@ def is_lab() -> bool:
     return LAB.exists()
 
 
+def entries_above(path: Path) -> Path | None:
+    """The user's entries of the project that a path is inside of, if any."""
+    files = (folder / file for folder in path.resolve().parents for file in (LAB, CLONE / OWN))
+    return next((file for file in files if file.exists()), None)
+
+
 def folder() -> Path:
     """Folder of the tasks' pipeline. Raises InputError: the working directory is no project."""
     if not is_lab() and not CLONE.is_dir():
@@ -56,12 +62,14 @@ def pipeline() -> str:
 def lab_pipeline() -> dict[str, Any]:
     """Contents of a lab's `dvc.yaml`: a clone's stages, run from the package.
 
-    As in a clone, a stage depends on its code through the list written by `code`.
+    As in a clone, a stage depends on its code through the list written by `code`. Kinds without entries are
+    empty.
     """
     stages = read_values(PACKAGED / "dvc.yaml")["stages"].items()
     packaged = {name: _from_package(stage) for name, stage in stages if name not in FOR_CLONES}
     code = {"cmd": f"python -m {__name__}", "always_changed": True, "outs": [CODE]}
-    return {"vars": [LAB.as_posix()], "stages": {"code": code} | packaged}
+    kinds: dict[str, Any] = {stage["foreach"].strip("${}"): {} for stage in packaged.values()}
+    return {"vars": [kinds, LAB.as_posix()], "stages": {"code": code} | packaged}
 
 
 def _from_package(stage: dict[str, Any]) -> dict[str, Any]:

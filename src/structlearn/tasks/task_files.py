@@ -7,6 +7,7 @@ from collections.abc import Callable, Mapping
 from pathlib import Path
 
 import pandas as pd
+import yaml
 
 from structlearn.core.artefacts import publish, read_csv, read_table, write_table
 from structlearn.core.errors import InputError
@@ -22,15 +23,21 @@ SKILL, ABSENT, LEFT_OUT = "skill.safetensors", "absent.txt", "left_out.csv"
 
 # Task names are used for folders and in stage names, where DVC gives some characters a meaning
 NAME_RULE = (
-    "a task's name has 1 to 60 lower-case letters, digits, - and _, and begins with a letter or a digit"
+    "a task's name has 1 to 60 lower-case letters, digits, - and _, begins with a letter or a digit, "
+    "and is not what YAML reads as a number, a date, yes, no or null"
 )
+# Numbers of YAML 1.2, in which DVC reads entries, that are text in YAML 1.1
+NUMBER = re.compile(r"[0-9][0-9_]*e-?[0-9]+|0o[0-7_]+")
 # Environment variable with the folder of public sets (`$DATA` in entries), and its default
 PUBLIC, PUBLIC_FOLDER = "RECORDED_DATA", "data/public"
 
 
 def is_name(name: object) -> bool:
     """Whether a task may have this name."""
-    return isinstance(name, str) and re.fullmatch(r"[a-z0-9][a-z0-9_-]{0,59}", name) is not None
+    if not isinstance(name, str) or not re.fullmatch(r"[a-z0-9][a-z0-9_-]{0,59}", name):
+        return False
+    tag = yaml.SafeLoader("").resolve(yaml.ScalarNode, name, (True, False))
+    return tag == "tag:yaml.org,2002:str" and not NUMBER.fullmatch(name)
 
 
 class TaskFiles:
