@@ -5,6 +5,8 @@ from functools import partial
 from pathlib import Path
 from typing import Any
 
+from dissertation.evidence.claims import judge, read_claims
+from dissertation.evidence.page import JudgedDocument
 from dissertation.evidence.studies import rests_on
 from dissertation.scraping import names
 from dissertation.scraping.page import board_figures, demonstration_figures, tables
@@ -15,8 +17,7 @@ from dissertation.scraping.world.scene_still import scraping_still
 from structlearn.core.params import read_values
 from structlearn.primitives.kernels import KERNEL_COUNT
 from structlearn.reporting import movement_figures
-from structlearn.reporting.claims import judge, read_claims
-from structlearn.reporting.document import Document, Source, Table, environment
+from structlearn.reporting.document import Source, Table
 from structlearn.reporting.figure_style import Drawing, Raster
 from structlearn.reporting.findings import Findings
 from structlearn.reporting.prose import listing
@@ -55,7 +56,7 @@ def pages(
     shown: Mapping[str, Table],
     printed: Mapping[str, Any],
     listed: Mapping[str, Iterable[str]],
-) -> dict[str, Document]:
+) -> dict[str, JudgedDocument]:
     """All pages, keyed by file name.
 
     `frames`: tables of `tables.derived`; `shown`: the same as displayed; `printed`: of `published`; `listed`:
@@ -89,13 +90,13 @@ def pages(
         name = "segmentation" if page == "index" else page
         claims = read_claims(Path(__file__).with_name(f"{name}_claims.yaml"))
         its = facts | {"page": page}
-        made[page] = Document(
+        made[page] = JudgedDocument(
             template=f"{name}.html.jinja",
             package=__package__,
             stage="scraping_report",
             facts=its,
             tables=shown,
-            judged=judge(claims, find, environment(__package__), its),
+            judged=judge(claims, find, its),
             sources=SOURCES,
             parameters={key: stored.parameters[key] for key in keys},
             recordings="../rerun/scraping",
