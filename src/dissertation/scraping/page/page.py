@@ -9,7 +9,7 @@ from dissertation.evidence.claims import judge, read_claims
 from dissertation.evidence.page import JudgedDocument
 from dissertation.evidence.studies import rests_on
 from dissertation.scraping import names
-from dissertation.scraping.page import board_figures, demonstration_figures, tables
+from dissertation.scraping.page import alignment_figures, board_figures, demonstration_figures, tables
 from dissertation.scraping.page.findings import people_of
 from dissertation.scraping.page.stored import PEOPLE, Stored, channel_name
 from dissertation.scraping.protocol.feedback_models import POINTWISE
@@ -115,7 +115,7 @@ def drawings(stored: Stored, frames: tables.Frames) -> dict[str, Drawing | Seque
         "demonstrations": demonstration_figures.demonstrations_figure(stored),
         "one_demonstration": demonstration_figures.one_demonstration_figure(stored),
         "space": demonstration_figures.space_figure(stored),
-        "downsampling": movement_figures.downsampling_figure(raw["downsampling"]),
+        "downsampling": alignment_figures.downsampling_figure(raw["downsampling"]),
         "position_fit": demonstration_figures.position_fit_figure(stored),
         "forcing": demonstration_figures.forcing_figure(stored.primitives),
         "sequence": movement_figures.sequence_figure(stored.sequences),
@@ -139,8 +139,10 @@ def drawings(stored: Stored, frames: tables.Frames) -> dict[str, Drawing | Seque
     if stored.guesses:
         first = stored.found_primitives[0]
         guess = stored.most_refined_guess(first.name)
-        made["correspondences"] = movement_figures.correspondence_figure(stored.reference, guess, cuts, first)
-        made["alignment"] = movement_figures.alignment_figure(stored.was_cut, cuts, stored.found_primitives)
+        made["correspondences"] = alignment_figures.correspondence_figure(
+            stored.reference, guess, cuts, first
+        )
+        made["alignment"] = alignment_figures.alignment_figure(stored.was_cut, cuts, stored.found_primitives)
     if stored.refined_deg in tables.settings(raw["refined_scores"]):
         made["refinement_snapshots"] = board_figures.snapshots_figure(stored)
     if "search_efficiency" in frames:
