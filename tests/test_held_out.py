@@ -1047,7 +1047,11 @@ def fitting_functions() -> set[str]:
             continue
         tree = ast.parse(path.read_text())
         words = {getattr(node, "id", None) or getattr(node, "arg", None) or "" for node in ast.walk(tree)}
-        if house == "dissertation" or parts[0] == "tasks" or any(re.fullmatch(SEPARATES, word) for word in words):
+        if (
+            house == "dissertation"
+            or parts[0] == "tasks"
+            or any(re.fullmatch(SEPARATES, word) for word in words)
+        ):
             functions = (node for node in tree.body if isinstance(node, ast.FunctionDef))
             found |= {f"{parts[-1]}.{one.name}" for one in functions if any(map(fits, ast.walk(one)))}
     return found

@@ -10,9 +10,9 @@ import yaml
 from committed import ROOT, own_tasks
 from test_own_demonstrations import QUICK, REACH, run_stages, write_reach
 
-from dissertation.recorded.recorded_index import judged_again, publish_index
+from dissertation.evidence.claims import claims_table
+from dissertation.recorded.recorded_index import publish_index, reload_verdicts
 from structlearn.core.errors import InputError
-from structlearn.reporting.claims import claims_table
 from structlearn.reporting.document import words_in_view
 from structlearn.tasks.project import CLONE
 from structlearn.tasks.task_entry import targets
@@ -86,9 +86,9 @@ def test_verdicts_are_those_of_the_sets_beside_those_of_simulation(inside):
     assert table["verdict_of_all"].tolist() == ["yes", "no", "not tested"]
     assert table["simulated"].tolist() == ["yes", "", ""]
     own = pd.read_csv("reports/tasks/moves/tables/claims.csv", keep_default_na=False)
-    again = claims_table(judged_again("moves", ""))
+    again = claims_table(reload_verdicts("moves", ""))
     pd.testing.assert_frame_equal(again[own.columns], own)
-    assert judged_again("moves", "")[0].claim.note == "of all"
+    assert reload_verdicts("moves", "")[0].claim.note == "of all"
 
 
 def test_make_asks_for_the_stages_of_sets_whose_folder_is_there(inside, monkeypatch):

@@ -10,6 +10,7 @@ import pytest
 from committed import committed
 from readers_bags import recorded_data
 
+from dissertation.evidence.claims import read_claims
 from dissertation.recorded import coupling_representations, coupling_samples
 from dissertation.recorded import representations_section as section
 from dissertation.recorded.coupling_representations import RepresentationParameters, samples_of_reaches
@@ -26,7 +27,6 @@ from structlearn.feedback.coupling_model import TrainingParameters
 from structlearn.primitives import canonical, kernels
 from structlearn.primitives.position import fit_position
 from structlearn.readers.demonstration import Demonstration, NamedShape
-from structlearn.reporting.claims import read_claims
 from structlearn.tasks.obstacles.scene_section import SceneWays, scene_findings, scene_pictures
 
 BOXES = {"walls": ["boundary"], "reaches": {"longest_s": 4.0}}

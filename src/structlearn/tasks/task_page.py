@@ -1,27 +1,26 @@
-"""Page of a task: one section for each of its parts, and the claims about a public set."""
+"""Page of a task: one section for each of its parts."""
 
+import inspect
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
-from dissertation.recorded import representations_section, transfer_section
-from structlearn.core.params import read_values
-from structlearn.reporting.claims import Judged, judge, read_claims, unknown
-from structlearn.reporting.document import Document, Source, Table, environment
+from structlearn.reporting.document import Document, Source, Table
 from structlearn.reporting.figure_style import Drawing
 from structlearn.reporting.findings import Findings
 from structlearn.reporting.publishing import publish_report
 from structlearn.tasks.motion import motion_section
 from structlearn.tasks.movement import check_section, corrections_section, cuts_section, primitives_section
 from structlearn.tasks.obstacles import scene_section
-from structlearn.tasks.project import CLONE, PACKAGE, entry_files, is_lab, pipeline
+from structlearn.tasks.project import PACKAGE, entry_files, is_lab, pipeline
 from structlearn.tasks.section import Section
 from structlearn.tasks.task_entry import read_checked
 from structlearn.tasks.task_files import TaskFiles, is_public
 from structlearn.tasks.touch import skin_section, surface_section
 
-SECTIONS: dict[str, tuple[Callable[[TaskFiles], Section | None], ...]] = {
+MakeSection = Callable[[TaskFiles], Section | None]
+SECTIONS: dict[str, tuple[MakeSection, ...]] = {
     "movement": (
         cuts_section.recordings_section,
         cuts_section.cuts_section,
@@ -36,8 +35,8 @@ SECTIONS: dict[str, tuple[Callable[[TaskFiles], Section | None], ...]] = {
         check_section.check_section,
     ),
     "motion": (motion_section.section,),
-    "touch": (skin_section.section, surface_section.section, transfer_section.section),
-    "obstacles": (scene_section.section, representations_section.section),
+    "touch": (skin_section.section, surface_section.section),
+    "obstacles": (scene_section.section,),
 }
 
 NAMED = ("primitives", "feedback", "skill", "check", "motion", "touch", "obstacles")
@@ -45,10 +44,27 @@ STAGES = {"recorded": "import_movement", "segments": "segment"} | {name: name fo
 """Stage that writes each folder of a task's data."""
 
 
+@dataclass(frozen=True)
+class TaskPage:
+    """A task's page with what it shows."""
+
+    document: Document
+    pictures: Mapping[str, Drawing | Sequence[Drawing]]  # figures by name
+    find: Findings  # every number that the sections state
+
+
 def publish_page(files: TaskFiles) -> None:
-    """Publish a task's page with its figures, tables, claims and findings."""
+    """Publish a task's page with its figures, tables and findings."""
+    page = task_page(files)
+    tables = page.document.tables
+    publish_report(files.report, {"index": page.document}, page.pictures, tables, page.find)
+
+
+def task_page(files: TaskFiles, more: Sequence[MakeSection] = ()) -> TaskPage:
+    """Page of a task; `more`: sections after those of its kind."""
     kind, task, absent = files.kind, read_checked(files.parameters), files.absent
-    sections = [] if absent else [one for make in SECTIONS[kind] if (one := _made(make, files)) is not None]
+    makers = () if absent else (*SECTIONS[kind], *more)
+    sections = [one for make in makers if (one := _made(make, files)) is not None]
     of_task = f"{pipeline()}:{{}}@{files.name}"
     sources = {
         name: Source(f"{files.folder}/{name}", of_task.format(stage)) for name, stage in STAGES.items()
@@ -83,21 +99,19 @@ def publish_page(files: TaskFiles) -> None:
         simulated = any(one.simulated for one in files.runs("demonstrations"))
     else:
         simulated = any(one.facts.get("origin", {}).get("origin") == "simulated" for one in sections)
-    page = Document(
+    document = Document(
         template="task.html.jinja",
         package=PACKAGE,
         stage=of_task.format(f"report_{kind}"),
         facts=facts,
         tables=tables,
-        judged=judged(files.name, find, facts),
         sources=sources,
         parameters={f"{kind}.{files.name}": task},
         recordings="rerun",
-        root="../..",
         command=again,
         simulated=simulated,
     )
-    publish_report(files.report, {"index": page}, pictures, tables, find)
+    return TaskPage(document, pictures, find)
 
 
 def command(name: str, public: bool) -> str:
@@ -107,28 +121,19 @@ def command(name: str, public: bool) -> str:
     return f"structlearn run {name}" if is_lab() else f"make own TASK={name}"
 
 
-def _made(make: Callable[[TaskFiles], Section | None], files: TaskFiles) -> Section | None:
-    """Make a section, with template paths relative to the tasks package; None if the task lacks it."""
+def _made(make: MakeSection, files: TaskFiles) -> Section | None:
+    """Make a section, with template paths relative to this package; None if the task lacks it.
+
+    Those of a section from another package stay relative to that one.
+    """
     section = make(files)
     if section is None:
         return None
-    folder = Path(make.__module__.removeprefix(f"{PACKAGE}.").replace(".", "/")).parent
+    here, beside = Path(__file__).parent, Path(inspect.getfile(make)).parent
+    folder = beside.relative_to(here) if beside.is_relative_to(here) else Path()
     template, lead = section.template, section.lead
     if not template:
         template, lead = f"{section.name}.html.jinja", f"{section.name}_lead.html.jinja"
-        lead = lead if (Path(__file__).parent / folder / lead).exists() else ""
+        lead = lead if (beside / lead).exists() else ""
     lead = (folder / lead).as_posix() if lead else ""
     return replace(section, template=(folder / template).as_posix(), lead=lead)
-
-
-def judged(name: str, find: Findings, facts: Mapping[str, object]) -> list[Judged]:
-    """Judge the claims in `claims/NAME.yaml` beside a task's entry; not tested if there are no data."""
-    path = CLONE / "claims" / f"{name}.yaml"
-    if not path.exists():
-        return []
-    claims = read_claims(path)
-    without = unknown("nothing recorded decides it" if find else "not recorded here")
-    found = {one.evidence: find.get(one.evidence) or without for one in claims}
-    published = path.with_name("published.yaml")
-    facts = {"published": read_values(published) if published.exists() else {}} | dict(facts)
-    return judge(claims, found, environment(PACKAGE), facts)

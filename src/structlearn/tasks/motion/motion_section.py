@@ -7,8 +7,8 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
-from structlearn.reporting.claims import Evidence
 from structlearn.reporting.document import Table
+from structlearn.reporting.evidence import Evidence
 from structlearn.reporting.findings import Findings
 from structlearn.reporting.prose import rounded
 from structlearn.tasks.motion import motion_parameters as names
@@ -263,7 +263,7 @@ def parts_section(
     find.among("random choices").exact("worst_power", worst["error"] / published["power"], len(power))
     planar, fits = tables["planar"], find.among("fits")
     lengths = planar["length_m"]
-    fits.counted("possible_links", int(planar["possible"].sum()), len(planar))
+    fits.exact_count("possible_links", int(planar["possible"].sum()), len(planar))
     fits.exact("length_m", lengths.median(), len(planar), unit="m")
     fits.exact("length_spread_m", np.ptp(lengths), len(planar), unit="m")
     return Section(

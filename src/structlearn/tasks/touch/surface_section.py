@@ -7,7 +7,7 @@ import pandas as pd
 from matplotlib.figure import Figure
 
 from dissertation.recorded.readers.slide import material_of
-from structlearn.reporting.claims import Evidence, confidence, geometric_mean, in_words, unknown
+from structlearn.reporting.evidence import Evidence, confidence, geometric_mean, in_words, unknown
 from structlearn.reporting.figure_style import legend, panel, styled
 from structlearn.reporting.findings import Findings
 from structlearn.reporting.prose import listing
