@@ -59,7 +59,7 @@ def in_pybullet(world: World) -> Iterator[Advance]:
             for _ in range(world.substeps):
                 load(world, torques)
                 world.q[:], world.v[:] = arm.step(world.torques)
-                kinematics(world.body, world.q, world.work)
+                kinematics(world.arrays, world.q, world.work)
 
         yield step_in_pybullet
 

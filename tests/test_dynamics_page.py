@@ -166,9 +166,9 @@ def test_what_is_known_explains_a_log_made_with_it():
     truth = DynamicsModels("cov", arm.tree.names, terms, (), state)
     motion = Motion(*states, np.zeros((60, 7)))
     residuals = page_findings.residual_torques(arm, truth, motion, 10.0)
-    speed, rubbing = (residuals[name].to_numpy() for name in ("velocity_rad_s", "friction_n_m"))
-    assert np.all(np.sign(speed) == np.sign(rubbing))
-    measured = (rubbing - residuals["residual_n_m"].to_numpy()).reshape(60, 7)  # links and friction
+    speed, friction = (residuals[name].to_numpy() for name in ("velocity_rad_s", "friction_n_m"))
+    assert np.all(np.sign(speed) == np.sign(friction))
+    measured = (friction - residuals["residual_n_m"].to_numpy()).reshape(60, 7)  # links and friction
     errors = page_findings.known_errors(arm, mechanics, Motion(*states, measured)).set_index("model")["nmse"]
     assert errors[GROUND_TRUTH].max() < 1e-6
     assert errors[DEFAULT].min() > 1e-3

@@ -16,7 +16,7 @@ from structlearn.readers.bag_recording import write_joint_log
 from structlearn.readers.demonstration import Demonstration, Recording, Stream
 from structlearn.reporting.document import words_in_view
 from structlearn.reporting.findings import read_findings, values_by_key
-from structlearn.rigid_body.tree import read_urdf
+from structlearn.rigid_body.robot import read_urdf
 from structlearn.tasks.task_files import TaskFiles
 
 QUICK = {"training": {"iterations": 2}}

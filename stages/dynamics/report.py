@@ -8,6 +8,7 @@ from dissertation.dynamics.page.findings import (
     ROBOTS_STUDY,
     STUDIED,
     DynamicsResults,
+    agreement_with_pinocchio,
     findings,
     friction_table,
     known_errors,
@@ -33,8 +34,7 @@ from structlearn.core.stage import run, stage_parameters
 from structlearn.reporting.claims import quoted_claims
 from structlearn.reporting.publishing import publish_report
 from structlearn.rigid_body.model_names import COULOMB, ROBOT
-from structlearn.rigid_body.newton_euler import agreement_with_pinocchio
-from structlearn.rigid_body.tree import read_urdf
+from structlearn.rigid_body.robot import read_urdf
 from structlearn.rigid_body.urdf import urdf_path
 
 PARAMETERS = {

@@ -26,7 +26,8 @@ from structlearn.rigid_body.base_parameters import BaseParameters, base_paramete
 from structlearn.rigid_body.friction import FrictionTerm, friction_regressor
 from structlearn.rigid_body.motion import Motion
 from structlearn.rigid_body.regressor import torque_regressor
-from structlearn.rigid_body.tree import KinematicTree, Robot
+from structlearn.rigid_body.robot import Robot
+from structlearn.rigid_body.tree import KinematicTree
 
 SAMPLES_PER_WAVE = 20  # per period of the highest harmonic; peaks are underestimated by <= 1.2 %
 DIFFERENCE = 1e-6  # step of the free parameters for forward differences

@@ -33,7 +33,7 @@ from structlearn.rigid_body.excitation import (
 )
 from structlearn.rigid_body.friction import FRICTIONS
 from structlearn.rigid_body.motion import Motion
-from structlearn.rigid_body.tree import Robot, read_urdf
+from structlearn.rigid_body.robot import Robot, read_urdf
 from structlearn.rigid_body.urdf import urdf_path
 from structlearn.tasks import project
 from structlearn.tasks.motion.motion_figures import gain_panel, share_panels
