@@ -177,7 +177,7 @@ def dynamics_results() -> DynamicsResults:
         friction=friction_rows(),
         residuals=residual_table(),
         chosen={
-            "stand_in": committed(PerturbedRobotParameters, "stand_in"),
+            "perturbed_robot": committed(PerturbedRobotParameters, "perturbed_robot"),
             "arm_motion": committed(ArmMotionParameters, "arm_motion"),
             "train_dynamics": committed(DynamicsTrainingParameters, "train_dynamics", seeds=SEEDS),
             "online": committed(OnlineParameters, "online", seeds=SEEDS),

@@ -155,7 +155,7 @@ def test_what_is_known_explains_a_log_made_with_it():
     """A motion whose torques are those of the perturbed robot's links and friction."""
     arm, rng = iiwa(), np.random.default_rng(3)
     mechanics = perturbed_mechanics(
-        arm.tree, arm.inertias, committed(PerturbedRobotParameters, "stand_in"), 3
+        arm.tree, arm.inertias, committed(PerturbedRobotParameters, "perturbed_robot"), 3
     )
     states = [rng.normal(0.0, 1.0, (60, 7)) for _ in range(3)]
     terms = ("viscous", "coulomb")

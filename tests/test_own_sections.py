@@ -27,7 +27,7 @@ TASKS = {
     "touch": {"source": "touches", "change": "rises", "air_samples": test_own_touch.AIR, "touched": 5.0}
     | {"rival_samples": 50, "spaces": SPACES},
     "obstacles": {"source": "reaches", "topics": {"pose": "/pose", "obstacles": "/obstacles"}}
-    | {"folds": 2, "network": {"members": 1} | QUICK, "text_network": QUICK},
+    | {"folds": 2, "network": {"members": 1} | QUICK, "published_network": QUICK},
 }
 """An entry of each kind, called like its kind."""
 

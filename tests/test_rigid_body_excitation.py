@@ -35,7 +35,7 @@ def two_joints(folder, effort=60.0):
         parts += [joint(name, "revolute", parent, child, "0 -1 0", origin, limit)]
     path = folder / "two.urdf"
     path.write_text("".join([*parts, "</robot>"]))
-    return excitation.arena(read_urdf(path), PARAMETERS)
+    return excitation.design_problem(read_urdf(path), PARAMETERS)
 
 
 def rated(its, free):

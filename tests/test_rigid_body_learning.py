@@ -202,7 +202,7 @@ def test_steps_are_those_of_torch_also_where_gradients_have_strides_or_are_missi
             values.grad = gradient.contiguous()
         torchs.step()
     for ours, expected in zip(own[:2], theirs[:2], strict=True):
-        torch.testing.assert_close(ours, expected, rtol=1e-6, atol=1e-7)  # a few roundings of values of about 1
+        torch.testing.assert_close(ours, expected, rtol=1e-6, atol=1e-7)
     torch.testing.assert_close(own[2], start[2][kept], rtol=0.0, atol=0.0)  # it had no gradient
 
 

@@ -41,7 +41,7 @@ PARAMETERS = {
     "arm": ArmParameters,
     "dynamics_robots": Population,
     "arm_motion": ArmMotionParameters,
-    "stand_in": PerturbedRobotParameters,
+    "perturbed_robot": PerturbedRobotParameters,
     "record_motion": RecordMotionParameters,
     "train_dynamics": DynamicsTrainingParameters,
     "track": TrackingParameters,
@@ -63,7 +63,7 @@ def main() -> None:
     known, friction, residuals = [], [], []
     for name, log in files.read_logs(ROBOT).items():
         seed, motion = int(name), files.as_motion(log, chosen["train_dynamics"].smoothing_hz)
-        true = perturbed_mechanics(robot.tree, robot.inertias, chosen["stand_in"], seed)
+        true = perturbed_mechanics(robot.tree, robot.inertias, chosen["perturbed_robot"], seed)
         learned = files.read_robot_models(seed, FRICTION_MODELS, PUBLISHED)
         known.append(known_errors(robot, true, motion).assign(seed=seed))
         friction.append(friction_table(learned, true).assign(seed=seed))

@@ -83,7 +83,7 @@ def adam_step(
     decay: float,
     count: int,
 ) -> None:
-    """One step of Adam (Kingma and Ba 2015) in place on vectors; `count` is the number of this step, from 1."""
+    """One step of Adam (Kingma and Ba 2015) in place, on vectors; `count`: number of the step, from 1."""
     step, root = rate / (1.0 - MEAN_DECAY**count), math.sqrt(1.0 - decay**count)
     for place in range(len(values)):
         mean[place] += (1.0 - MEAN_DECAY) * (gradient[place] - mean[place])
@@ -94,8 +94,8 @@ def adam_step(
 class Adam:
     """Adam for tensors that share a leading axis of models.
 
-    Importing torch's own takes seconds, since it loads a compiler. `parameters`: contiguous leaves; `rate` may
-    change between steps; `decay`: of the mean squared gradient per step.
+    Importing torch's own takes seconds, since it loads a compiler. `parameters`: contiguous leaves; `rate`
+    may change between steps; `decay`: of the mean squared gradient per step.
     """
 
     def __init__(self, parameters: Sequence[Tensor], rate: float, decay: float = 0.999):

@@ -147,7 +147,7 @@ class DynamicsResults:
     @cached_property
     def pick_up_s(self) -> float:
         """Time in s at which payloads are picked up."""
-        motion = self.chosen["arm_motion"].used.cut(self.chosen["stand_in"].log_s)
+        motion = self.chosen["arm_motion"].used.cut(self.chosen["perturbed_robot"].log_s)
         return self.chosen["record_motion"].payload.at_share * motion.duration_s
 
     @cached_property
