@@ -10,14 +10,14 @@ from functools import partial
 import numpy as np
 import torch
 from arm_motions import SAMPLES, SEED, iiwa, relative_error
+from structlearn.rigid_body.newton_euler import inverse_dynamics
 from timing import Case, Contender
 from torch.nn import functional
 
-from structlearn.rigid_body.inertia_parameters import draw, link_inertias
+from structlearn.rigid_body.inertia_parameters import link_inertias, sample_parameters
 from structlearn.rigid_body.network_models import SMALLEST_INERTIA, StackedLagrangianNetworks
-from structlearn.rigid_body.newton_euler import inverse_dynamics
 from structlearn.rigid_body.regressor import link_parameters, torque_regressor
-from structlearn.rigid_body.tree import Robot
+from structlearn.rigid_body.robot import Robot
 
 SAME = 1e-9
 BATCH = 256
@@ -90,7 +90,7 @@ def step_by_regressor(joints: int, columns: torch.Tensor, torques: torch.Tensor)
 
 def _free(joints: int) -> torch.Tensor:
     """Free parameters of cov for as many links."""
-    return draw("cov", joints, [torch.Generator().manual_seed(SEED)])[0].requires_grad_()
+    return sample_parameters("cov", joints, [torch.Generator().manual_seed(SEED)])[0].requires_grad_()
 
 
 def lagrangian_torques() -> Case:

@@ -49,7 +49,7 @@ REDUCED = {
     "inspect_obstacles": {"scenarios": ["sphere/01", "cylinder/02"]},
     "dynamics_robots": {"test": [11, 12]},
     "arm_motion": {"test": {"duration_s": 24.0}},
-    "stand_in": {"log_s": 16.0},
+    "perturbed_robot": {"log_s": 16.0},
     "train_dynamics": {
         "seeds": [11, 12],
         "learning": {"hidden": [4, 4]},
@@ -111,7 +111,7 @@ REDUCED_TASKS = {  # entries of public sets
             "cloud_count": 20,
             "reaches": {"samples": 51},
             "network": {"members": 1, "demonstrations": 20, "training": {"iterations": 3}},
-            "text_network": {"training": {"iterations": 3}},
+            "published_network": {"training": {"iterations": 3}},
         },
         "avoidance": {
             "representations": {

@@ -35,7 +35,7 @@ from committed import ROOT, TASK_FILE, committed, committed_entry, read_yaml
 from conftest import two_move_demonstration
 from feedback_toy import toy_dataset
 from reporting_scraping import PARAMETERS as CUTTING
-from rigid_body_robots import arm, rubbing_motion, sine_motion
+from rigid_body_robots import arm, motion_with_friction, sine_motion
 from tactile_toy import toy_dataset as toy_touches
 from tactile_toy import toy_geodesics
 from test_obstacles_models import PARAMETERS as AVOIDANCE
@@ -599,7 +599,7 @@ def dynamics(monkeypatch, tmp_path):
         epochs=EpochLimits(simulation=1, robot=1),
         learning=LEARNING,
     )
-    motion = rubbing_motion(arm()).part(slice(0, 300))
+    motion = motion_with_friction(arm()).part(slice(0, 300))
     data = {
         "iiwa": sine_motion(arm(), 200),
         "perturbed/11": motion,
@@ -620,7 +620,7 @@ def payload(monkeypatch, tmp_path):
     parameters = committed(
         PayloadLearningParameters, "online.payload", empty_s=10.0, batch=100, memory_s=2.0, iterations=5
     )
-    data, dt, picked = rubbing_motion(arm()).part(slice(0, 900)), 0.02, 500
+    data, dt, picked = motion_with_friction(arm()).part(slice(0, 900)), 0.02, 500
 
     def learn(motion):
         found = learn_payload((motion, dt), arm().tree, arm().inertias, parameters)

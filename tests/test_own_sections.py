@@ -16,7 +16,7 @@ from structlearn.readers.bag_recording import write_joint_log
 from structlearn.readers.demonstration import Demonstration, Recording, Stream
 from structlearn.reporting.document import words_in_view
 from structlearn.reporting.findings import read_findings, values_by_key
-from structlearn.rigid_body.tree import read_urdf
+from structlearn.rigid_body.robot import read_urdf
 from structlearn.tasks.task_files import TaskFiles
 
 QUICK = {"training": {"iterations": 2}}
@@ -27,7 +27,7 @@ TASKS = {
     "touch": {"source": "touches", "change": "rises", "air_samples": test_own_touch.AIR, "touched": 5.0}
     | {"rival_samples": 50, "spaces": SPACES},
     "obstacles": {"source": "reaches", "topics": {"pose": "/pose", "obstacles": "/obstacles"}}
-    | {"folds": 2, "network": {"members": 1} | QUICK, "text_network": QUICK},
+    | {"folds": 2, "network": {"members": 1} | QUICK, "published_network": QUICK},
 }
 """An entry of each kind, called like its kind."""
 

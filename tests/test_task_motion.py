@@ -22,7 +22,8 @@ from structlearn.rigid_body.dynamics_models import rigid_body_torques
 from structlearn.rigid_body.friction import friction_columns
 from structlearn.rigid_body.motion import Motion
 from structlearn.rigid_body.regressor import link_parameters, torque_regressor
-from structlearn.rigid_body.tree import LinkInertias, Robot, read_urdf
+from structlearn.rigid_body.robot import Robot, read_urdf
+from structlearn.rigid_body.tree import LinkInertias
 from structlearn.tasks.motion.joint_motion import learn_motion
 from structlearn.tasks.motion.motion_parameters import MotionParameters
 

@@ -18,7 +18,7 @@ from structlearn.avoidance import scene_folds, scene_models
 from structlearn.avoidance.avoidance_dataset import AvoidanceDataset
 from structlearn.avoidance.features import features
 from structlearn.avoidance.network_training import NetworkParameters
-from structlearn.avoidance.scene_folds import MODELS, WAYS, folds_of_people, learn_past_obstacles
+from structlearn.avoidance.scene_folds import ALL_MODELS, MODELS, folds_of_people, learn_past_obstacles
 from structlearn.avoidance.scene_reaches import SceneLearningParameters, reaches_past_obstacles
 from structlearn.core.errors import InputError, MissingInputError
 from structlearn.core.metrics import wilson_interval
@@ -31,7 +31,7 @@ from structlearn.tasks.obstacles.scene_section import SceneWays, scene_findings,
 
 BOXES = {"walls": ["boundary"], "reaches": {"longest_s": 4.0}}
 QUICK = {"folds": 2, "network": {"members": 1, "training": {"iterations": 4}}}
-QUICK |= {"text_network": {"training": {"iterations": 4}}}
+QUICK |= {"published_network": {"training": {"iterations": 4}}}
 PARAMETERS = committed(SceneLearningParameters, "defaults.obstacles", tuned_on=["p0"], **BOXES, **QUICK)
 RATE_HZ, REST_S, MOVE_S = 90.0, 0.6, 1.5
 UPRIGHT = np.array([1.0, 0.0, 0.0, 0.0])
@@ -133,7 +133,7 @@ def test_nobody_is_judged_by_what_was_learned_from_them():
     results = made_up_results()
     assert set(results.reaches["person"]) == {"p1", "p2"}  # p0 is only learned from
     assert results.reaches.groupby("person")["fold"].nunique().eq(1).all()
-    assert results.reaches.groupby("way").size().to_dict() == dict.fromkeys(scene_folds.WAYS, 6)
+    assert results.reaches.groupby("model").size().to_dict() == dict.fromkeys(scene_folds.ALL_MODELS, 6)
     # pictures are chosen by the scene alone
     assert results.paths["reach"].unique().tolist() == ["p1_0", "p1_2", "p2_0", "p2_2"]
     shuffled = results.reaches.assign(hit=~results.reaches["hit"]).sample(frac=1.0, random_state=0)
@@ -154,7 +154,7 @@ def test_few_people_are_left_out_one_at_a_time():
 
 
 def test_scores_tell_blocked_from_free_and_the_sides():
-    rows = made_up_results().reaches.set_index(["way", "reach"])
+    rows = made_up_results().reaches.set_index(["model", "reach"])
     none = rows.loc["none"]
     assert none["blocked"].tolist() == [True, False, True] * 2
     assert none["hit"].tolist() == [True, False, True] * 2
@@ -264,12 +264,15 @@ def made_up_ways():
 
     Person 1 touches a box once and takes another gap: if nobody did, how people differ would be unknown.
     """
-    touching = dict.fromkeys(WAYS, 10) | {"none": 11, "human_inspired": 11, "nearest": 8}
+    touching = dict.fromkeys(ALL_MODELS, 10) | {"none": 11, "human_inspired": 11, "nearest": 8}
     touching |= {scene_models.PUBLISHED: 0, scene_models.SCENE: 0, "planned": 0}
-    keys = [(way, person, number) for way, person, number in product(WAYS, range(PEOPLE), range(REACHES))]
-    rows = pd.DataFrame(keys, columns=["way", "fold", "number"])
-    people, number, scene = rows["fold"], rows["number"], rows["way"] == scene_models.SCENE
-    most = rows["way"].map(touching)
+    keys = [
+        (model, person, number)
+        for model, person, number in product(ALL_MODELS, range(PEOPLE), range(REACHES))
+    ]
+    rows = pd.DataFrame(keys, columns=["model", "fold", "number"])
+    people, number, scene = rows["fold"], rows["number"], rows["model"] == scene_models.SCENE
+    most = rows["model"].map(touching)
     rows = rows.assign(
         reach=[f"p{person}_{one}" for _, person, one in keys],
         person=[f"p{person}" for _, person, _ in keys],
@@ -282,11 +285,13 @@ def made_up_ways():
         path_mm=np.where(scene, 15.0 + 0.1 * people, 40.0),
         same_gaps=(people != 1) | (number != 0) | ~scene,
     ).drop(columns="number")
-    errors = pd.DataFrame(product(MODELS, "xyz", range(4)), columns=["way", "axis", "fold"])
+    errors = pd.DataFrame(product(MODELS, "xyz", range(4)), columns=["model", "axis", "fold"])
     time, reaches = np.linspace(0.0, 1.5, 20), ("p0_1", "p1_1", "p2_1")
     paths = [
-        pd.DataFrame({"reach": reach, "way": way, "time_s": time, "x_m": 0.1, "y_m": time / 3, "z_m": 0.8})
-        for reach, way in product(reaches, ("recorded", *WAYS))
+        pd.DataFrame(
+            {"reach": reach, "model": model, "time_s": time, "x_m": 0.1, "y_m": time / 3, "z_m": 0.8}
+        )
+        for reach, model in product(reaches, ("recorded", *ALL_MODELS))
     ]
     shapes = pd.DataFrame(product(reaches, (True, True, False)), columns=["reach", "box"])
     place = {"x_m": 0.2 * shapes["box"], "y_m": -0.05, "z_m": 0.79}
@@ -476,7 +481,7 @@ def test_the_recorded_samples():
     dataset, _ = coupling_samples.read_obstacles(recorded_data("clmc"))
     assert len(dataset) == 823
     _, u = canonical.phase(dataset.time, canonical.time_constant(1.0))
-    np.testing.assert_allclose(dataset.phase_velocity, u, atol=0.07)  # two ways to the same phase
+    np.testing.assert_allclose(dataset.phase_velocity, u, atol=0.07)  # two models to the same phase
     # a phase that were not the samples' own would not tell the speed along the reach
     correlation = np.corrcoef(dataset.features[:, 12], np.sin(np.pi * np.clip(dataset.time, 0.0, 1.0)))[0, 1]
     assert correlation > 0.5

@@ -50,7 +50,7 @@ class SceneLearningParameters(Parameters):
     return_stiffness: float = Field(ge=0)
     end_limit_m: float = Field(gt=0)
     return_coupling: float = Field(ge=0)
-    text_network: NetworkParameters
+    published_network: NetworkParameters
     text_decay_per_m2: float = Field(ge=0)
 
 

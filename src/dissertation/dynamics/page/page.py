@@ -12,6 +12,7 @@ import pandas as pd
 
 from dissertation.dynamics.names import FORM_TITLES, IDEAL, REACH, ROBOT, SINE
 from dissertation.dynamics.page.findings import (
+    IMPLEMENTATIONS,
     ROBOTS_STUDY,
     SETTLED_SHARE,
     STOPPED_NMSE,
@@ -129,7 +130,6 @@ def _median_friction(results: DynamicsResults) -> dict[str, float]:
 
 def tables(results: DynamicsResults) -> dict[str, Table]:
     """Tables of the page, and those that a study collects from each cell, keyed by name."""
-    differences = ("recursion_n_m", "regressor_n_m", "compiled_n_m")  # of three implementations
     found = {
         "simulation": _scores(results, IDEAL),
         "epochs": _epochs(results),
@@ -140,7 +140,7 @@ def tables(results: DynamicsResults) -> dict[str, Table]:
         "base_errors": _base_errors(results),
         "robot_errors": _robot_errors(results),
         "friction": _friction(results),
-        "agreement": Table(results.agreement, dict.fromkeys(differences, ".1e") | {"largest_n_m": ".0f"}),
+        "agreement": Table(results.agreement, dict.fromkeys(IMPLEMENTATIONS, ".1e") | {"largest_n_m": ".0f"}),
     }
     if results.tracked(ROBOT):
         found["robot"] = _scores(results, ROBOT)

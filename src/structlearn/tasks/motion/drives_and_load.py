@@ -25,7 +25,8 @@ from structlearn.rigid_body.regressor import (
     link_parameters,
     torque_regressor,
 )
-from structlearn.rigid_body.tree import KinematicTree, LinkInertias, Robot
+from structlearn.rigid_body.robot import Robot
+from structlearn.rigid_body.tree import KinematicTree, LinkInertias
 from structlearn.tasks.motion import motion_parameters as names
 from structlearn.tasks.motion.motion_parameters import CENTRE, MotionParameters
 

@@ -35,7 +35,8 @@ from structlearn.rigid_body.friction import FRICTIONS, friction_columns
 from structlearn.rigid_body.log_fitness import log_fitness, parameter_table
 from structlearn.rigid_body.model_comparison import NETWORKS, TRAIN, Models, NetworkTraining
 from structlearn.rigid_body.motion import Motion, joined, measured_motion
-from structlearn.rigid_body.tree import KinematicTree, Robot, joint_order, read_urdf
+from structlearn.rigid_body.robot import Robot, read_urdf
+from structlearn.rigid_body.tree import KinematicTree, joint_order
 from structlearn.rigid_body.urdf import urdf_path
 from structlearn.tasks.motion import drives_and_load
 from structlearn.tasks.motion.drives_and_load import FRICTION, longest_motion

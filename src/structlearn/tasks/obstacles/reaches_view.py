@@ -8,14 +8,14 @@ import pandas as pd
 import rerun as rr
 import rerun.blueprint as rrb
 
-from structlearn.palette import BLACK, DEMONSTRATION_COLOUR, GREY, LIGHT_GREY, SCENE_WAYS, Look
+from structlearn.palette import BLACK, DEMONSTRATION_COLOUR, GREY, LIGHT_GREY, SCENE_MODELS, Look
 from structlearn.viewer import rrd
 from structlearn.viewer.rrd import entity, rgba
 
 LOOKS = {"recorded": Look("recorded", DEMONSTRATION_COLOUR)} | {
-    way: Look(look.name, LIGHT_GREY if look.colour == BLACK else look.colour)  # the viewer is black
-    for way, look in SCENE_WAYS.items()
-    if way in ("none", "published", "scene", "planned")  # all six would hide each other
+    model: Look(look.name, LIGHT_GREY if look.colour == BLACK else look.colour)  # the viewer is black
+    for model, look in SCENE_MODELS.items()
+    if model in ("none", "published", "scene", "planned")  # all six would hide each other
 }
 
 # eye position relative to the middle of a scene: behind the person and above, so that gaps are visible
@@ -42,8 +42,8 @@ def write_reaches_past_obstacles(path: str | Path, tables: Mapping[str, pd.DataF
         for name, paths in tables["paths"].groupby("reach", sort=False):
             shapes = tables["shapes"].query("reach == @name")
             middle, floor = _send_shapes(stream, name, shapes)
-            for way, look in LOOKS.items():
-                _send_way(stream, name, look, paths[paths["way"] == way], shapes[shapes["box"]])
+            for model, look in LOOKS.items():
+                _send_path(stream, name, look, paths[paths["model"] == model], shapes[shapes["box"]])
             scene = rrd.eye_view(name, [f"{entity(name)}/**"], middle, EYE_M, floor)
             clearance = rrd.plot("distance to the nearest obstacle (mm)", [f"{entity('distance', name)}/**"])
             beside = rrb.Vertical(rrd.notes_view(), clearance)
@@ -65,7 +65,7 @@ def _send_shapes(stream: rr.RecordingStream, name: str, shapes: pd.DataFrame) ->
     return centres[solid].mean(axis=0), floor
 
 
-def _send_way(
+def _send_path(
     stream: rr.RecordingStream, name: str, look: Look, its: pd.DataFrame, boxes: pd.DataFrame
 ) -> None:
     """Log a hand over time, its whole path as a line, and its distance from the obstacles' extents."""

@@ -8,7 +8,8 @@ import pandas as pd
 from matplotlib.figure import Figure
 from matplotlib.patches import Rectangle
 
-from structlearn.palette import DEMONSTRATION_COLOUR, GREY, LIGHT_GREY, SCENE_WAYS, Look
+from structlearn.palette import DEMONSTRATION_COLOUR, GREY, LIGHT_GREY, SCENE_MODELS, Look
+from structlearn.reporting.claims import Evidence, clustered_share, mean
 from structlearn.reporting.document import Table
 from structlearn.reporting.evidence import Evidence, clustered_share, mean
 from structlearn.reporting.figure_style import Drawing, legend, panel, styled
@@ -18,10 +19,11 @@ from structlearn.tasks.section import Section
 from structlearn.tasks.task_entry import ObstacleEntry
 from structlearn.tasks.task_files import TaskFiles
 
-# ways of `avoidance.scene_folds`, repeated as text so that drawing need not import learning code
+# models of `avoidance.scene_folds`, repeated as text so that drawing need not import learning code
 RECORDED, OURS, PUBLISHED, NONE, PLANNED = "recorded", "scene", "published", "none", "planned"
-LOOKS = {RECORDED: Look("recorded", DEMONSTRATION_COLOUR)} | SCENE_WAYS
-WIDTHS = {RECORDED: 3.5, NONE: 1.0, PUBLISHED: 1.3, OURS: 1.8, PLANNED: 1.0}  # line widths of the ways drawn
+LOOKS = {RECORDED: Look("recorded", DEMONSTRATION_COLOUR)} | SCENE_MODELS
+# line widths of the models drawn
+WIDTHS = {RECORDED: 3.5, NONE: 1.0, PUBLISHED: 1.3, OURS: 1.8, PLANNED: 1.0}
 TABLES = ("reaches", "errors", "people", "left_out", "paths", "shapes")  # of `SceneResults`
 FIRST = 2  # number of path panels in view; the others are folded
 FEWEST = 20  # number of reaches below which the page calls them few
@@ -29,25 +31,25 @@ AXES = ["x", "y", "z"]
 
 
 class SceneWays(dict[str, pd.DataFrame]):
-    """`TABLES` by name, with reaches selected by the way in which the hand is moved."""
+    """`TABLES` by name, with reaches selected by the model that moves the hand."""
 
     def __init__(self, tables: Mapping[str, pd.DataFrame]) -> None:
         super().__init__(tables)
-        tried = set(self["reaches"]["way"])
-        self.ways = [way for way in SCENE_WAYS if way in tried]
+        tried = set(self["reaches"]["model"])
+        self.models = [model for model in SCENE_MODELS if model in tried]
 
-    def of(self, way: str, blocked: bool = False) -> pd.DataFrame:
-        """Reaches of one way; `blocked`: only those whose straight line meets an obstacle."""
-        its = self["reaches"].query("way == @way")
+    def of(self, model: str, blocked: bool = False) -> pd.DataFrame:
+        """Reaches of one model; `blocked`: only those whose straight line meets an obstacle."""
+        its = self["reaches"].query("model == @model")
         return its[its["blocked"]] if blocked else its
 
-    def by_person(self, way: str, column: str) -> pd.Series:
+    def by_person(self, model: str, column: str) -> pd.Series:
         """Mean of a column by person."""
-        return self.of(way).groupby("person")[column].mean()
+        return self.of(model).groupby("person")[column].mean()
 
-    def share(self, column: str, way: str = OURS, blocked: bool = False) -> Evidence:
-        """Share of the reaches of one way, with an interval clustered by person."""
-        people = self.of(way, blocked).groupby("person")[column]
+    def share(self, column: str, model: str = OURS, blocked: bool = False) -> Evidence:
+        """Share of the reaches of one model, with an interval clustered by person."""
+        people = self.of(model, blocked).groupby("person")[column]
         return clustered_share(people.sum().to_numpy(int), people.size().to_numpy())
 
 
@@ -88,18 +90,18 @@ def scene_findings(found: SceneWays) -> Findings:
     find = Findings(f"reaches of {people} people left out in turn")
     find.add("hits", found.share("hit"), headline=True)
     find.add("hits_blocked", found.share("hit", blocked=True))
-    for way in found.ways:
-        if way != OURS:
-            find.add(f"{way}_hits", found.share("hit", way), headline=way == PUBLISHED)
+    for model in found.models:
+        if model != OURS:
+            find.add(f"{model}_hits", found.share("hit", model), headline=model == PUBLISHED)
     for name, *pair in (
         ("published_hits_fewer", NONE, PUBLISHED),
         ("published_hits_fewer_than_rai", "human_inspired", PUBLISHED),
         ("features_alone", "nearest", OURS),
     ):
-        find.rate_difference(name, *(found.by_person(way, "hit") for way in pair), unit="%")
+        find.rate_difference(name, *(found.by_person(model, "hit") for model in pair), unit="%")
     find.exact("goal", its["left_mm"].max(), len(its), unit="mm")
     find.exact("published_goal", found.of(PUBLISHED)["left_mm"].max(), len(its), unit="mm")
-    ours, planned = (found.by_person(way, "path_mm") for way in (OURS, PLANNED))
+    ours, planned = (found.by_person(model, "path_mm") for model in (OURS, PLANNED))
     find.mean("path", ours, unit="mm", headline=True)
     find.mean("planned_path", planned, unit="mm")
     find.difference("nearer_than_planned", planned, ours, unit="mm")
@@ -116,14 +118,14 @@ def scene_findings(found: SceneWays) -> Findings:
 def scene_tables(found: SceneWays) -> dict[str, Table]:
     """Tables by name."""
     rows = []
-    for way in found.ways:
-        its, hit = found.of(way), found.share("hit", way)
-        path = mean(found.by_person(way, "path_mm").to_numpy())
+    for model in found.models:
+        its, hit = found.of(model), found.share("hit", model)
+        path = mean(found.by_person(model, "path_mm").to_numpy())
         rows.append(
             {
-                "model": LOOKS[way].name,
+                "model": LOOKS[model].name,
                 "touches (%)": f"{100 * hit.value:.1f} {interval(100 * hit.low, 100 * hit.high)}",
-                "of blocked (%)": 100 * found.of(way, blocked=True)["hit"].mean(),
+                "of blocked (%)": 100 * found.of(model, blocked=True)["hit"].mean(),
                 "goal, largest (mm)": its["left_mm"].max(),
                 "path (mm)": f"{rounded(path.value, '.1f')} {interval(max(path.low, 0.0), path.high)}",
                 "same gaps (%)": 100 * its["same_gaps"].mean(),
@@ -142,14 +144,16 @@ def scene_tables(found: SceneWays) -> dict[str, Table]:
         goal_max_mm=("left_mm", "max"),
         other_gaps=("same_gaps", lambda same: int((~same).sum())),
     )
-    pooled = found["errors"].groupby(["way", "axis"], as_index=False)[["squared", "variance"]].sum()
+    pooled = found["errors"].groupby(["model", "axis"], as_index=False)[["squared", "variance"]].sum()
     nmse = pooled.assign(nmse=pooled["squared"] / pooled["variance"])
-    learned = [way for way in found.ways if way in set(nmse["way"])]
-    errors = nmse.pivot_table("nmse", "way", "axis").loc[learned, AXES]
-    errors = errors.rename(index={way: look.name for way, look in LOOKS.items()}).reset_index(names="model")
+    learned = [model for model in found.models if model in set(nmse["model"])]
+    errors = nmse.pivot_table("nmse", "model", "axis").loc[learned, AXES]
+    errors = errors.rename(index={model: look.name for model, look in LOOKS.items()}).reset_index(
+        names="model"
+    )
     headings = {"path_mm": "path (mm)", "goal_max_mm": "goal, largest (mm)", "other_gaps": "other gaps"}
     return {
-        "obstacles_ways": Table(pd.DataFrame(rows), formats, strong=frozenset({found.ways.index(OURS)})),
+        "obstacles_ways": Table(pd.DataFrame(rows), formats, strong=frozenset({found.models.index(OURS)})),
         "obstacles_errors": Table(errors, dict.fromkeys(AXES, ".2f")),
         "obstacles_by_person": Table(people, {"path_mm": ".1f", "goal_max_mm": ".0f"}, headings),
         "obstacles_left_out": Table(found["left_out"]),
@@ -176,11 +180,11 @@ def paths_panel(found: SceneWays, reach: str) -> Figure:
         size, colour = (1e3 * row.width_m, 1e3 * row.depth_m), GREY if row.box else LIGHT_GREY
         axes.add_patch(Rectangle(corner, *size, color=colour, linewidth=0))
     paths = found["paths"].query("reach == @reach")
-    for way, width in WIDTHS.items():
-        its, look = paths[paths["way"] == way], LOOKS[way]
+    for model, width in WIDTHS.items():
+        its, look = paths[paths["model"] == model], LOOKS[model]
         style: dict[str, Any] = {"color": look.colour, "linewidth": width, "label": look.name}
-        axes.plot(1e3 * its["x_m"], 1e3 * its["y_m"], "--" if way == NONE else "-", **style)
-    ends = paths[paths["way"] == RECORDED].iloc[[0, -1]]
+        axes.plot(1e3 * its["x_m"], 1e3 * its["y_m"], "--" if model == NONE else "-", **style)
+    ends = paths[paths["model"] == RECORDED].iloc[[0, -1]]
     axes.plot(1e3 * ends["x_m"], 1e3 * ends["y_m"], "o", color="black", markersize=4)
     axes.margins(0.05)
     return legend(figure)
@@ -192,10 +196,10 @@ def rates_panel(found: SceneWays) -> Figure:
     figure, axes = panel("Reaches that touch an obstacle", 3.6, xlabel="share (%)")
     groups = (-0.15, "all reaches", False, "full"), (0.15, "blocked ones", True, "none")
     for offset, label, blocked, fill in groups:
-        for place, way in enumerate(found.ways):
-            rate = found.share("hit", way, blocked)
+        for place, model in enumerate(found.models):
+            rate = found.share("hit", model, blocked)
             bars = 100 * np.array([[rate.value - rate.low], [rate.high - rate.value]])
-            style: dict[str, Any] = {"color": LOOKS[way].colour, "fillstyle": fill, "markersize": 5}
+            style: dict[str, Any] = {"color": LOOKS[model].colour, "fillstyle": fill, "markersize": 5}
             axes.errorbar(100 * rate.value, place + offset, xerr=bars, fmt="o", **style)
         axes.plot([], [], "o", color=GREY, fillstyle=fill, label=label)
     _name_ways(found, axes)
@@ -207,8 +211,8 @@ def rates_panel(found: SceneWays) -> Figure:
 def distance_panel(found: SceneWays) -> Figure:
     """Distance from recorded paths: a stroke per person, a dot for the mean; dashed: between two people."""
     figure, axes = panel("Distance from the recorded path", 3.6, xlabel="mean of a person (mm)")
-    for place, way in enumerate(found.ways):
-        means, colour = found.by_person(way, "path_mm"), LOOKS[way].colour
+    for place, model in enumerate(found.models):
+        means, colour = found.by_person(model, "path_mm"), LOOKS[model].colour
         axes.plot(means, np.full(len(means), place), "|", color=colour, markersize=11)
         axes.plot(means.mean(), place, "o", color=colour, markersize=5)
     if len(found["people"]):
@@ -220,8 +224,8 @@ def distance_panel(found: SceneWays) -> Figure:
 
 
 def _name_ways(found: SceneWays, axes: Any) -> None:
-    """Label the vertical axis with all ways from top to bottom."""
-    labels = [LOOKS[way].name.replace(" (", "\n(").replace(", ", ",\n") for way in found.ways]
+    """Label the vertical axis with all models from top to bottom."""
+    labels = [LOOKS[model].name.replace(" (", "\n(").replace(", ", ",\n") for model in found.models]
     axes.set_yticks(range(len(labels)), labels)
     axes.grid(axis="y", visible=False)
     axes.invert_yaxis()

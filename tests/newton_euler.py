@@ -1,18 +1,14 @@
 """Inverse dynamics by the recursive Newton-Euler algorithm, batched and differentiable (chapter III.2).
 
-Velocities and accelerations are propagated from the base to the tips, forces and moments back. This is the
-reference, differentiable by positions and kinematics; where only inertias are learned, the regressor gives
-the same torques by a matrix product. `agreement_with_pinocchio` compares all implementations with Pinocchio.
+Velocities and accelerations are propagated from the base to the tips, forces and moments back: the reference
+for the regressor and the compiled recursion, of any inertias, with gradients.
 """
 
 import numpy as np
-import pinocchio
 import torch
 from torch import Tensor
 
-from structlearn.rigid_body import compiled_dynamics
-from structlearn.rigid_body.regressor import link_parameters, torque_regressor
-from structlearn.rigid_body.tree import KinematicTree, LinkInertias, Robot, configuration
+from structlearn.rigid_body.tree import KinematicTree, LinkInertias
 
 
 def inverse_dynamics(
@@ -115,49 +111,3 @@ def _cross(left: Tensor, right: Tensor) -> Tensor:
 def _twice(velocity: Tensor, vector: Tensor) -> Tensor:
     """Centripetal part w x (w x r)."""
     return _cross(velocity, _cross(velocity, vector))
-
-
-_LARGEST = (2.0, 2.0, 5.0)  # rad, bound of uniform positions; rad/s and rad/s^2, std of normal ones
-
-
-def agreement_with_pinocchio(robot: Robot, states: int = 200, seed: int = 0) -> dict[str, float]:
-    """Largest torque differences from Pinocchio's `rnea` over joints and random states.
-
-    Keys: `recursion_n_m` (batched), `regressor_n_m`, `compiled_n_m` (single state), and `largest_n_m`, the
-    largest torque itself.
-    torque itself, `largest_n_m`.
-    """
-    (q, qd, qdd), expected = _pinocchio_torques(robot, states, seed)
-    rows = list(zip(q, qd, qdd, strict=True))
-    inertias, tensors = robot.inertias.tensors(), (torch.from_numpy(values) for values in (q, qd, qdd))
-    one = compiled_dynamics.inverse_dynamics(robot.tree, robot.inertias)
-    found = {
-        "recursion_n_m": inverse_dynamics(robot.tree, inertias, *tensors).numpy(),
-        "regressor_n_m": torque_regressor(robot.tree, q, qd, qdd) @ link_parameters(inertias).numpy(),
-        "compiled_n_m": np.array([one(*row) for row in rows]),
-    }
-    errors = {name: float(np.abs(torques - expected).max()) for name, torques in found.items()}
-    return {"largest_n_m": float(np.abs(expected).max())} | errors
-
-
-def torque_differences(
-    robot: Robot, inertias: LinkInertias[np.ndarray], states: int = 200, seed: int = 0
-) -> np.ndarray:
-    """Largest torque difference (n,) in N m between Pinocchio on a robot and inertias (n,) here."""
-    (q, qd, qdd), expected = _pinocchio_torques(robot, states, seed)
-    ours = torque_regressor(robot.tree, q, qd, qdd) @ link_parameters(inertias.tensors()).numpy()
-    return np.abs(ours - expected).max(axis=0)
-
-
-def _pinocchio_torques(
-    robot: Robot, states: int, seed: int
-) -> tuple[tuple[np.ndarray, np.ndarray, np.ndarray], np.ndarray]:
-    """Random positions, velocities and accelerations, and the torques (states, n) of Pinocchio's `rnea`."""
-    generator = np.random.default_rng(seed)
-    shape = (states, len(robot.tree.names))
-    q = generator.uniform(-_LARGEST[0], _LARGEST[0], shape)
-    qd, qdd = (generator.normal(0.0, spread, shape) for spread in _LARGEST[1:])
-    model, data = robot.model, robot.model.createData()
-    rows = zip(q, qd, qdd, strict=True)
-    expected = [pinocchio.rnea(model, data, configuration(model, row), *rest) for row, *rest in rows]
-    return (q, qd, qdd), np.array(expected)
