@@ -718,7 +718,7 @@ def settings_of_networks(monkeypatch, tmp_path):
         **{"train_share": 0.5, "hidden": ((4,),), "rates": (0.01, 0.02), "epochs": (1,), "batch": 32},
         **{"second_moment_decay": 0.99, "choice_seeds": 1, "seeds": 1},
     )
-    tree, data = arm().tree, rubbing_motion(arm()).part(slice(0, 100))
+    tree, data = arm().tree, motion_with_friction(arm()).part(slice(0, 100))
     learn = each(
         monkeypatch,
         joint_motion,

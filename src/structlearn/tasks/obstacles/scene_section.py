@@ -9,7 +9,6 @@ from matplotlib.figure import Figure
 from matplotlib.patches import Rectangle
 
 from structlearn.palette import DEMONSTRATION_COLOUR, GREY, LIGHT_GREY, SCENE_MODELS, Look
-from structlearn.reporting.claims import Evidence, clustered_share, mean
 from structlearn.reporting.document import Table
 from structlearn.reporting.evidence import Evidence, clustered_share, mean
 from structlearn.reporting.figure_style import Drawing, legend, panel, styled
