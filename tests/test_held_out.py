@@ -48,8 +48,8 @@ from dissertation.dynamics.protocol.trainings import (
 from dissertation.obstacles.protocol import avoidance_fits, avoidance_scores
 from dissertation.obstacles.world.reaching_person import AvoiderParameters
 from dissertation.obstacles.world.scenarios import SceneParameters, scenarios
-from dissertation.recorded import coupling_representations, touch_transfer
-from dissertation.recorded.coupling_representations import RepresentationParameters
+from dissertation.recorded.coupling import learning as coupling_representations
+from dissertation.recorded.transfer import learning as touch_transfer
 from dissertation.scraping.files import read_datasets
 from dissertation.scraping.protocol import feedback_models
 from dissertation.scraping.protocol.board_refinement import refine_on_board
@@ -63,7 +63,7 @@ from dissertation.scraping.protocol.feedback_models import (
 )
 from structlearn.avoidance import scene_models
 from structlearn.avoidance.avoidance_dataset import AvoidanceDataParameters
-from structlearn.avoidance.network_training import NetworkParameters, held_out_rows
+from structlearn.avoidance.network_training import held_out_rows
 from structlearn.avoidance.scene_folds import learn_past_obstacles
 from structlearn.core.artefacts import write_table
 from structlearn.core.parallel import BACKEND
@@ -93,7 +93,7 @@ from structlearn.tactile.touch_dataset import TRAIN
 from structlearn.tasks.motion.joint_motion import learn_motion
 from structlearn.tasks.movement import feedback_learning
 from structlearn.tasks.movement.movement_learning import segmented
-from structlearn.tasks.movement.movement_parameters import TaskFeedbackParameters
+from structlearn.tasks.movement.parameters import TaskFeedbackParameters
 from structlearn.tasks.movement.phase_corrections import _split, corrected_runs, learn_corrections
 from structlearn.tasks.touch import skin_protocol, skin_readings, surface_traces
 from structlearn.tasks.touch.surface_traces import deviations_from_expected
@@ -109,7 +109,7 @@ HOLDS_NOTHING_OUT = {
     "puts into one file what was learned": "tasks/skill scraping/write_skill",
     "executes or unrolls": "tasks/check scraping/evaluate_feedback scraping/evaluate_refinement "
     "obstacles/evaluate",
-    "measures statistics or times": "tasks/calibrate scraping/time_controller",
+    "measures statistics or times": "recorded/calibrate scraping/time_controller",
     "traces of all runs that it is given; the further ones go to other files": "scraping/expected_traces",
     "makes samples, each of one demonstration": "scraping/coupling_dataset servoing/touch_dataset",
     "searches by trial, on rollouts of its own": "scraping/compare_search",
@@ -446,15 +446,14 @@ def avoidance(monkeypatch, tmp_path):
     return Case(learn, data, tested, with_wobbling(data, ~held, "target"))
 
 
-@of_stage("tasks/obstacles")
+@of_stage("recorded/coupling")
 def coupling_of_samples(monkeypatch, tmp_path):
     """Every representation on the second block."""
     network = {"hidden": (4,), "members": 2, "training": {"iterations": 2}}
-    parameters = committed(
-        RepresentationParameters,
-        "defaults.obstacles.representations",
+    parameters = committed_entry(
+        "avoidance",
         folds=2,
-        network=committed(NetworkParameters, "obstacle_training.per_setting", **network),
+        network=network,
         pmnn=TRAINING,
         pmnn_hidden=(4,),
     )
@@ -645,7 +644,7 @@ def latent_spaces(monkeypatch, tmp_path):
     )
 
 
-@of_stage("tasks/touch")
+@of_stage("recorded/transfer")
 def recorded_touch(monkeypatch, tmp_path):
     """What was learned of two slides while the two others were left out, and its units."""
     toy = test_touch_transfer

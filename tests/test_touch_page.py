@@ -12,7 +12,7 @@ from reporting_verdicts import AnyFigure, verdicts
 from test_touch_calibration import PARAMETERS, calibrated
 
 from dissertation.recorded import calibration_section
-from dissertation.recorded.transfer_section import find_transfer
+from dissertation.recorded.transfer.page import find_transfer
 from structlearn.core.artefacts import write_csv, write_table
 from structlearn.reporting.claims import judge, read_claims
 from structlearn.reporting.document import environment, render, words_in_view
@@ -102,15 +102,14 @@ FIND = {
 @pytest.mark.parametrize("name", MADE_UP)
 def test_every_claim_can_say_yes(name):
     """That each can say no as well is a test of its own, over all pages."""
-    claims = read_claims(ROOT / f"stages/tasks/claims/{name}.yaml")
-    judged = judge(claims, FIND[name](MADE_UP[name]()), environment(task_page.PACKAGE), {})
+    claims = read_claims(ROOT / f"src/dissertation/recorded/claims/{name}.yaml")
+    judged = judge(claims, FIND[name](MADE_UP[name]()), environment("structlearn.tasks"), {})
     assert {one.verdict for one in judged} == {"yes"}
 
 
 @pytest.fixture
 def shown(tmp_path, monkeypatch):
     """Of a task with these tables: its page in HTML, and what was found."""
-    (tmp_path / "stages").symlink_to(ROOT / "stages")
     monkeypatch.chdir(tmp_path)
     published = []
     monkeypatch.setattr(task_page, "publish_report", lambda *given, **_: published.append(given))
@@ -122,7 +121,7 @@ def shown(tmp_path, monkeypatch):
         write_task(entry, source_digests(entry), files.parameters)
         write_csv(pd.DataFrame({"file": [], "reason": []}), files.recorded / LEFT_OUT)
         for table, its in tables.items():
-            write_table(its, files.folder / f"touch/{table}.parquet")
+            write_table(its, files.learned / f"{table}.parquet")
         task_page.publish_page(files)
         _, pages, drawn, _, find = published[-1]
         page = render(pages["index"], AnyFigure())

@@ -10,16 +10,16 @@ from structlearn.reporting.claims import NOT_TESTED, Evidence, Judged, combined,
 from structlearn.reporting.document import Document, environment
 from structlearn.reporting.findings import Findings, read_findings, values_by_key
 from structlearn.reporting.publishing import publish_report
-from structlearn.tasks.project import CLONE, OF_PUBLIC, PACKAGE, pipeline
 from structlearn.tasks.task_entry import read_entries
 from structlearn.tasks.task_files import TaskFiles
 
-REPORT, QUOTED = Path("reports/recorded"), CLONE / "recorded.yaml"
+HERE, CLONE = Path(__file__).parent, Path("../..")  # the second: of the project of public sets
+REPORT, QUOTED = Path("reports/recorded"), HERE / "recorded.yaml"
 
 
 def publish_index() -> None:
     """Publish the page over all public sets. Raises InputError: a set's page was not made."""
-    names = [name for name, one in read_entries().items() if one.file.name == OF_PUBLIC]
+    names = list(read_entries())
     quoted: Mapping[str, Mapping[str, Any]] = read_values(QUOTED)
     sets = [{"name": name} | said_of(TaskFiles(name), quoted.get(name, {})) for name in names]
     judged = [claim for one in sets for claim in judged_again(one["name"], one["title"])]
@@ -27,8 +27,8 @@ def publish_index() -> None:
     alike = sum(one.verdict == one.simulated for one in both)
     page = Document(
         template="recorded_index.html.jinja",
-        package=PACKAGE,
-        stage=f"{pipeline()}:recorded_report",
+        package=__package__,
+        stage="recorded_report",
         facts={"sets": sets, "in_both": len(both), "alike": alike},
         judged=judged,
         command="make recorded DATA=FOLDER",
@@ -39,7 +39,7 @@ def publish_index() -> None:
 def said_of(files: TaskFiles, quoted: Mapping[str, Any]) -> dict[str, Any]:
     """Summary of a set: `title`, `says` (sentence), `figure`, `opening`, `absent` and `left_out`."""
     quoted = {} if files.absent else quoted
-    says = environment(PACKAGE).from_string(quoted.get("says", ""))
+    says = environment(__package__).from_string(quoted.get("says", ""))
     return {
         "title": value_at(files.parameters, "entry.title") or files.name,
         "says": says.render(values_by_key(read_findings(files.report / "findings.csv"))),
@@ -52,17 +52,17 @@ def said_of(files: TaskFiles, quoted: Mapping[str, Any]) -> dict[str, Any]:
 
 def judged_again(name: str, title: str) -> list[Judged]:
     """Claims about a set with the verdicts from its page, and those of their simulated counterparts."""
-    path = CLONE / "claims" / f"{name}.yaml"
+    path = HERE / "claims" / f"{name}.yaml"
     if not path.exists():
         return []
     table = read_csv(TaskFiles(name).report / "tables/claims.csv", keep_default_na=False)
     keys = table[["statement", "source", "evidence"]]
     rows = [its for _, its in table.groupby((keys != keys.shift()).any(axis=1).cumsum())]
-    plain, judged = environment(PACKAGE).overlay(autoescape=False), []
+    plain, judged = environment(__package__).overlay(autoescape=False), []
     for claim, its in zip(read_claims(path), rows, strict=True):
         texts = its.iloc[0][["statement", "source", "published"]].to_dict()
         like, simulated = claim.simulated, ""
-        there = Path("reports", like.testbed if like else "", "tables/claims.csv")
+        there = CLONE / "reports" / (like.testbed if like else "") / "tables/claims.csv"
         if like and there.exists():
             simulated = verdict_in(read_csv(there, keep_default_na=False), like)
         judged.append(
