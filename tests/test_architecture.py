@@ -11,8 +11,8 @@ from pathlib import Path
 import pytest
 from committed import ROOT, read_yaml
 
+from dissertation.evidence.claims import QUOTED
 from structlearn.core.source_closure import SourceTree
-from structlearn.reporting.claims import QUOTED
 
 PACKAGE = ROOT / "src" / "structlearn"
 FLOORS = (

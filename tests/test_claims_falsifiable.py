@@ -33,6 +33,7 @@ from test_servoing_page import results as servoing_results  # noqa: F401 a fixtu
 
 from dissertation.dynamics.page.findings import findings as dynamics_findings
 from dissertation.dynamics.protocol.trainings import OURS, PUBLISHED
+from dissertation.evidence.claims import NO, Claim, read_claims
 from dissertation.evidence.studies import OURS as STUDIED
 from dissertation.evidence.studies import Study
 from dissertation.obstacles.page.findings import findings as obstacles_findings
@@ -42,7 +43,7 @@ from dissertation.recorded.coupling.page import representation_findings
 from dissertation.scraping.page import findings as scraping
 from dissertation.scraping.page.findings import ScrapingPeople
 from dissertation.servoing.page import findings as servoing_findings
-from structlearn.reporting.claims import NO, Claim, Evidence, Found, read_claims
+from structlearn.reporting.evidence import Evidence, Found
 from structlearn.reporting.findings import Findings
 from structlearn.segmentation.cut_errors import downsampling_effect
 from structlearn.tasks.motion.motion_results import MotionResults, motion_findings

@@ -9,11 +9,10 @@ from committed import committed_entry
 from motion_tables import made_up
 from readers_bags import recorded_data
 
+from dissertation.evidence.claims import judge, read_claims
 from dissertation.recorded.readers import kuka_lwr4, ur10e
 from structlearn.core.errors import MissingInputError
 from structlearn.readers.joint_log import DriveLog
-from structlearn.reporting.claims import judge, read_claims
-from structlearn.reporting.document import environment
 from structlearn.rigid_body.model_comparison import LEAST_SQUARES
 from structlearn.tasks.motion import parameters as protocol
 from structlearn.tasks.motion.drives_and_load import found_gains
@@ -29,7 +28,7 @@ def verdicts(root, name: str, results: MotionResults) -> dict[str, str]:
     """By evidence."""
     claims = read_claims(root / f"src/dissertation/recorded/claims/{name}.yaml")
     facts = {"published": {"default_nmse": 0.74, "structures_nmse": 0.35}, "motion": motion_facts(results)}
-    judged = judge(claims, motion_findings(results), environment("structlearn.tasks"), facts)
+    judged = judge(claims, motion_findings(results), facts)
     return {one.claim.evidence: one.verdict for one in judged}
 
 

@@ -10,11 +10,11 @@ import yaml
 from committed import ROOT, merged, run_stages
 from test_own_demonstrations import QUICK, REACH, write_reach
 
+from dissertation.evidence.claims import claims_table
 from dissertation.recorded import project as project_of_sets
 from dissertation.recorded import recorded_index, set_page
-from dissertation.recorded.recorded_index import judged_again, publish_index
+from dissertation.recorded.recorded_index import publish_index, reload_verdicts
 from structlearn.core.errors import InputError
-from structlearn.reporting.claims import claims_table
 from structlearn.reporting.document import words_in_view
 from structlearn.tasks.project import ENTRIES
 
@@ -93,9 +93,9 @@ def test_verdicts_are_those_of_the_sets_beside_those_of_simulation(inside):
     assert table["verdict_of_all"].tolist() == ["yes", "no", "not tested"]
     assert table["simulated"].tolist() == ["yes", "", ""]
     own = pd.read_csv("reports/tasks/moves/tables/claims.csv", keep_default_na=False)
-    again = claims_table(judged_again("moves", ""))
+    again = claims_table(reload_verdicts("moves", ""))
     pd.testing.assert_frame_equal(again[own.columns], own)
-    assert judged_again("moves", "")[0].claim.note == "of all"
+    assert reload_verdicts("moves", "")[0].claim.note == "of all"
 
 
 def test_the_project_is_written_where_there_is_a_public_set(tmp_path, monkeypatch):

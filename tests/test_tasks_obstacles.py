@@ -10,6 +10,7 @@ import pytest
 from committed import committed, committed_entry
 from readers_bags import recorded_data
 
+from dissertation.evidence.claims import read_claims
 from dissertation.recorded.coupling import learning as coupling_representations
 from dissertation.recorded.coupling import page as section
 from dissertation.recorded.readers import coupling_samples
@@ -24,7 +25,6 @@ from structlearn.core.minimum_jerk import progress
 from structlearn.primitives import canonical, kernels
 from structlearn.primitives.position import fit_position
 from structlearn.readers.demonstration import Demonstration, NamedShape
-from structlearn.reporting.claims import read_claims
 from structlearn.tasks.obstacles.page import SceneWays, scene_findings, scene_pictures
 
 BOXES = {"walls": ["boundary"], "reaches": {"longest_s": 4.0}}

@@ -26,12 +26,12 @@ from dissertation.dynamics.world.joint_logs import (
     RecordMotionParameters,
     perturbed_mechanics,
 )
+from dissertation.evidence.claims import quoted_claims
+from dissertation.evidence.page import publish_judged
 from dissertation.evidence.studies import extended, read_study
 from dissertation.simulation.arm import ArmParameters
 from structlearn.core.params import Population
 from structlearn.core.stage import run, stage_parameters
-from structlearn.reporting.claims import quoted_claims
-from structlearn.reporting.publishing import publish_report
 from structlearn.rigid_body.model_names import COULOMB, ROBOT
 from structlearn.rigid_body.newton_euler import agreement_with_pinocchio
 from structlearn.rigid_body.tree import read_urdf
@@ -88,7 +88,7 @@ def main() -> None:
     find = findings(results)
     page = dynamics_page(results, find)
     drawn = {"still": still, **drawings(results)}
-    publish_report("reports/dynamics", {"index": page}, drawn, page.tables, find, recorded=quoted_claims())
+    publish_judged("reports/dynamics", {"index": page}, drawn, page.tables, find, recorded=quoted_claims())
 
 
 if __name__ == "__main__":

@@ -62,6 +62,7 @@ def task_page(files: TaskFiles) -> TaskPage:
         "title": task.title or files.name,
         "stage": "segment" if kind == "movement" else short,
         "file": ENTRIES.name,
+        "inside": "",  # folder of the project, where pages are moved out of it
         "again": again,
         "absent": absent,
         "left_out": files.left_out().to_dict("records"),
@@ -80,7 +81,6 @@ def task_page(files: TaskFiles) -> TaskPage:
         sources=sources,
         parameters={f"{short}.{files.name}": task},
         recordings="rerun",
-        root="../..",
         command=again,
         simulated=simulated,
     )

@@ -22,7 +22,7 @@ from dissertation.evidence.studies import Study, extended
 from dissertation.simulation.arm import Mechanics
 from structlearn.core.metrics import nmse
 from structlearn.core.params import read_values
-from structlearn.reporting.claims import Evidence, Found, geometric_mean, mean, unknown
+from structlearn.reporting.evidence import Evidence, Found, geometric_mean, mean, unknown
 from structlearn.reporting.findings import Findings
 from structlearn.rigid_body.compiled_dynamics import friction_rows
 from structlearn.rigid_body.dynamics_models import DynamicsModels, predicted_torques, rigid_body_torques
@@ -262,7 +262,7 @@ def findings(results: DynamicsResults) -> Findings:
     _online(find, results)
     robots.mean("payload_mass_error_share", results.mass_errors)
     settled = results.settling_s.dropna()
-    robots.counted("payload_settled", len(settled), len(results.settling_s))
+    robots.exact_count("payload_settled", len(settled), len(results.settling_s))
     for name in ("median", "min", "max"):  # NaN if no robot settled
         robots.exact(f"payload_settling_s_{name}", settled.agg(name), len(settled), unit="s")
     return find
@@ -292,7 +292,7 @@ def _models(find: Findings, robots: Findings, results: DynamicsResults) -> None:
         velocity = _run({case: results.velocity(*key) for case, key in tried.items()})
         marked = (GROUND_TRUTH, "cov_plain") if robot == IDEAL else ()
         its.mean(f"{prefix}ee_velocity_nmse", velocity, headline=marked)
-        its.counted(f"{prefix}unstable", {case: results.stopped(*tried[case]) for case in velocity})
+        its.exact_count(f"{prefix}unstable", {case: results.stopped(*tried[case]) for case in velocity})
 
 
 def _in_simulation(find: Findings, results: DynamicsResults, form: Form) -> None:

@@ -22,9 +22,10 @@ from dissertation.dynamics.page.findings import (
 )
 from dissertation.dynamics.protocol.trainings import LOSSES, OURS, PUBLISHED
 from dissertation.dynamics.world.controlled_arm import OVERSPEED
+from dissertation.evidence.claims import judge, read_claims
+from dissertation.evidence.page import JudgedDocument
 from dissertation.evidence.studies import rests_on
-from structlearn.reporting.claims import judge, read_claims
-from structlearn.reporting.document import Document, Source, Table, environment
+from structlearn.reporting.document import Source, Table
 from structlearn.reporting.findings import Findings
 from structlearn.reporting.prose import with_spread
 from structlearn.rigid_body.model_names import COULOMB, DEFAULT, GROUND_TRUTH, in_order, model_name
@@ -52,7 +53,7 @@ CONDITIONS = ["positive_mass", "positive_definite", "triangle"]
 DETAILED = "cov"  # structure whose learned parameters are listed
 
 
-def dynamics_page(results: DynamicsResults, find: Findings) -> Document:
+def dynamics_page(results: DynamicsResults, find: Findings) -> JudgedDocument:
     """Page with its tables and verdicts; figures come from `figures.drawings` and `arm_still`."""
     shown, chosen = tables(results), results.chosen
     after = results.payload[results.payload["time_s"] > results.pick_up_s]
@@ -91,13 +92,13 @@ def dynamics_page(results: DynamicsResults, find: Findings) -> Document:
         "best_base": min(by_model["base_errors"].values(), key=lambda row: row["base"]),
     }
     claims = read_claims(Path(__file__).with_name("claims.yaml"))
-    return Document(
+    return JudgedDocument(
         template="dynamics.html.jinja",
         package=__package__,
         stage="dynamics_report",
         facts=facts,
         tables=shown,
-        judged=judge(claims, find, environment(__package__), facts),
+        judged=judge(claims, find, facts),
         sources=SOURCES,
         parameters=chosen,
         recordings="../rerun/dynamics",

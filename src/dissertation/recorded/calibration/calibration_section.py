@@ -9,14 +9,15 @@ import numpy as np
 import pandas as pd
 from matplotlib.figure import Figure
 
+from dissertation.evidence.claims import judge, read_claims
+from dissertation.evidence.page import JudgedDocument, publish_judged
 from dissertation.recorded.calibration.touch_calibration import FINGERS, CalibrationParameters
 from structlearn.palette import BLACK, CATEGORICAL_COLOURS, GREY
-from structlearn.reporting.claims import exact, judge, read_claims
-from structlearn.reporting.document import Document, Source, Table, environment
+from structlearn.reporting.document import Source, Table
+from structlearn.reporting.evidence import exact
 from structlearn.reporting.figure_style import Drawing, legend, panel, styled
 from structlearn.reporting.findings import Findings
 from structlearn.reporting.prose import listing, rounded
-from structlearn.reporting.publishing import publish_report
 from structlearn.tasks.shown_tables import shown
 from structlearn.tasks.touch.touch_names import CALIBRATED, REFERENCE, WORLDS
 
@@ -54,7 +55,7 @@ def publish_calibration(stored: Mapping[str, pd.DataFrame], parameters: Calibrat
     find = find_calibration(stored)
     pages = {"index": calibration_document(stored, find, parameters)}
     drawn = calibration_pictures(stored, parameters.variance) if stored else {}
-    publish_report("reports/calibration", pages, drawn, pages["index"].tables, find)
+    publish_judged("reports/calibration", pages, drawn, pages["index"].tables, find)
 
 
 def find_calibration(stored: Mapping[str, pd.DataFrame]) -> Findings:
@@ -108,20 +109,20 @@ def strongest(electrodes: pd.DataFrame, group: str) -> str:
 
 def calibration_document(
     stored: Mapping[str, pd.DataFrame], find: Findings, parameters: CalibrationParameters
-) -> Document:
+) -> JudgedDocument:
     """Calibration page: tables, judged claims and figures."""
     claims = read_claims(Path(__file__).with_name("calibration_claims.yaml"))
     facts: dict[str, object] = parameters.model_dump() | {"variance_percent": 100 * parameters.variance}
-    judged, stage = judge(claims, find, environment(PACKAGE), facts), "calibration_report"
+    judged, stage = judge(claims, find, facts), "calibration_report"
     if not stored:
-        return Document("not_calibrated.html.jinja", PACKAGE, stage, judged=judged)
+        return JudgedDocument("not_calibrated.html.jinja", PACKAGE, stage, judged=judged)
     facts |= find.numbers() | {
         "compared_rows": stored["comparison"].set_index("statistic").to_dict("index"),
         "runs": stored["fingers"].query("group == @CALIBRATED")["run"].nunique(),
         "strongest_recorded": strongest(stored["electrodes"], REFERENCE),
         "strongest_simulated": strongest(stored["electrodes"], CALIBRATED),
     }
-    return Document(
+    return JudgedDocument(
         template="calibration.html.jinja",
         package=PACKAGE,
         stage=stage,

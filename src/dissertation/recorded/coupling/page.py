@@ -9,8 +9,8 @@ from matplotlib.figure import Figure
 
 from structlearn.core.metrics import mean_interval
 from structlearn.palette import BLACK, BLUE, GREY, OCHRE, Look
-from structlearn.reporting.claims import Evidence, difference
 from structlearn.reporting.document import Table
+from structlearn.reporting.evidence import Evidence, difference
 from structlearn.reporting.figure_style import legend, panel, styled
 from structlearn.reporting.findings import Findings
 from structlearn.reporting.prose import rounded, with_interval

@@ -11,8 +11,8 @@ from matplotlib.figure import Figure
 from dissertation.recorded.parts.parameters import AUTHORS, RANDOM, PartsParameters
 from structlearn.palette import BLACK, BLUE, ORANGE, PINK, Look
 from structlearn.readers.joint_log import PartedLog, read_log_table
-from structlearn.reporting.claims import Evidence
 from structlearn.reporting.document import Table
+from structlearn.reporting.evidence import Evidence
 from structlearn.reporting.figure_style import legend, panel, styled
 from structlearn.reporting.findings import Findings
 from structlearn.reporting.prose import rounded
@@ -55,7 +55,7 @@ def parts_section(
     find.among("random choices").exact("worst_power", worst["error"] / published["power"], len(power))
     planar, fits = tables["planar"], find.among("fits")
     lengths = planar["length_m"]
-    fits.counted("possible_links", int(planar["possible"].sum()), len(planar))
+    fits.exact_count("possible_links", int(planar["possible"].sum()), len(planar))
     fits.exact("length_m", lengths.median(), len(planar), unit="m")
     fits.exact("length_spread_m", np.ptp(lengths), len(planar), unit="m")
     return Section(

@@ -7,8 +7,8 @@ import pandas as pd
 from matplotlib.figure import Figure
 
 from structlearn.palette import BLACK
-from structlearn.reporting.claims import mean
 from structlearn.reporting.document import Table
+from structlearn.reporting.evidence import mean
 from structlearn.reporting.figure_style import legend, panel, styled
 from structlearn.reporting.findings import Findings
 from structlearn.reporting.prose import listing, rounded, with_spread

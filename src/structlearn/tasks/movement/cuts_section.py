@@ -8,8 +8,8 @@ from matplotlib.figure import Figure
 
 from structlearn.palette import BLACK, METHOD_NAMES
 from structlearn.readers.demonstration import Demonstration
-from structlearn.reporting.claims import difference
 from structlearn.reporting.document import Table
+from structlearn.reporting.evidence import difference
 from structlearn.reporting.figure_style import PANEL_WIDTH, canvas, styled
 from structlearn.reporting.findings import Findings
 from structlearn.reporting.movement_figures import draw_cuts, noise_figure, shade_primitives, speed

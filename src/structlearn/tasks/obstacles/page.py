@@ -9,8 +9,8 @@ from matplotlib.figure import Figure
 from matplotlib.patches import Rectangle
 
 from structlearn.palette import DEMONSTRATION_COLOUR, GREY, LIGHT_GREY, SCENE_WAYS, Look
-from structlearn.reporting.claims import Evidence, clustered_share, mean
 from structlearn.reporting.document import Table
+from structlearn.reporting.evidence import Evidence, clustered_share, mean
 from structlearn.reporting.figure_style import Drawing, legend, panel, styled
 from structlearn.reporting.findings import Findings
 from structlearn.reporting.prose import interval, rounded

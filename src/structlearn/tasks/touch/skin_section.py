@@ -7,8 +7,8 @@ import pandas as pd
 from matplotlib.figure import Figure
 
 from structlearn.palette import BLACK, BLUE, GREY, LIGHT_GREY, ORANGE, Look
-from structlearn.reporting.claims import Evidence, mean, unknown
 from structlearn.reporting.document import Table
+from structlearn.reporting.evidence import Evidence, mean, unknown
 from structlearn.reporting.figure_style import Drawing, Raster, legend, map_panels, panel, styled
 from structlearn.reporting.findings import Findings
 from structlearn.reporting.prose import listing

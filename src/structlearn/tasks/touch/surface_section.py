@@ -6,7 +6,7 @@ import numpy as np
 import pandas as pd
 from matplotlib.figure import Figure
 
-from structlearn.reporting.claims import Evidence, confidence, geometric_mean, in_words, unknown
+from structlearn.reporting.evidence import Evidence, confidence, geometric_mean, in_words, unknown
 from structlearn.reporting.figure_style import legend, panel, styled
 from structlearn.reporting.findings import Findings
 from structlearn.reporting.prose import listing

@@ -15,141 +15,25 @@ intervals are widened for a joint coverage of 95 % (`comparisons`).
 
 from collections import Counter
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from itertools import zip_longest
 from pathlib import Path
 from typing import Any, Literal
 
 import numpy as np
 import pandas as pd
-from jinja2 import Environment
 from pydantic import PositiveFloat, model_validator
 from scipy.special import ndtri, stdtrit
 
 from structlearn.core.artefacts import read_csv
-from structlearn.core.metrics import mean_interval, wilson_interval
 from structlearn.core.params import Parameters, read_values
-from structlearn.reporting.prose import capitalised, interval, percent, rounded
+from structlearn.reporting.document import environment
+from structlearn.reporting.evidence import NOT_TESTED, Evidence, Found, in_words
+from structlearn.reporting.prose import capitalised
 
-YES, NO, UNDECIDED, NOT_TESTED = "yes", "no", "undecided", "not tested"
+YES, NO, UNDECIDED = "yes", "no", "undecided"
 NO_DIFFERENCE, BY_CONSTRUCTION = "no difference", "holds by construction"
 VERDICTS = (YES, NO, NO_DIFFERENCE, UNDECIDED, NOT_TESTED, BY_CONSTRUCTION)
-
-
-@dataclass(frozen=True)
-class Evidence:
-    """A number with its 95 % interval, widened if a claim makes several comparisons."""
-
-    value: float  # NaN if nothing was found
-    low: float  # lower end of the interval; equal to the value if it is exact (a maximum, a count)
-    high: float  # upper end
-    n: int  # independent samples (people, seeds, runs)
-    count: int | None = None  # hits among the `n` trials, if the number is a share
-    people: int | None = None  # people behind the `n` trials of a share, if one person's are correlated
-    pooled_low: float = float("nan")  # lower end of the share's interval if all trials were independent
-    pooled_high: float = float("nan")  # its upper end
-    study: str = ""  # study that it is quoted from; empty if this run computed it
-    reason: str = ""  # why nothing was found
-
-
-def exact(value: float, n: int = 1) -> Evidence:
-    """An exact number without an interval, such as the largest of n values."""
-    return Evidence(float(value), float(value), float(value), n)
-
-
-def mean(samples: np.ndarray, comparisons: int = 1) -> Evidence:
-    """Mean of independent samples (N,); a single sample has an infinite interval, so it decides nothing."""
-    value, half = mean_interval(np.asarray(samples, float), confidence(comparisons))
-    return Evidence(value, value - half, value + half, len(samples))
-
-
-def difference(first: np.ndarray, second: np.ndarray, comparisons: int = 1) -> Evidence:
-    """Mean of paired differences first minus second, (N,) each (same seed, person, scene)."""
-    return mean(np.asarray(first, float) - np.asarray(second, float), comparisons)
-
-
-def geometric_mean(samples: np.ndarray, comparisons: int = 1) -> Evidence:
-    """Geometric mean of independent positive samples (N,), e.g. ratios, with the interval of their logs."""
-    found = mean(np.log(samples), comparisons)
-    value, low, high = (float(np.exp(log)) for log in (found.value, found.low, found.high))
-    return Evidence(value, low, high, found.n)
-
-
-def share(count: int, n: int, comparisons: int = 1) -> Evidence:
-    """Rate over independent trials with Wilson's interval; for correlated trials see `clustered_share`."""
-    if n == 0:
-        return UNKNOWN
-    low, high = wilson_interval(count, n, confidence(comparisons))
-    value = count / n
-    return Evidence(value, min(float(low), value), max(float(high), value), n, int(count))
-
-
-def clustered_share(counts: np.ndarray, trials: np.ndarray, comparisons: int = 1) -> Evidence:
-    """Rate over trials that are correlated within a person (model, robot), with an interval over people.
-
-    The interval is that of the people's rates by the t distribution, at least Wilson's over all trials. If no
-    trial is a hit, or every one is, the rates do not show how people differ, and the interval ends at
-    `none_of(P)`: none of 8 people allows up to 31 %. For rare events in few, very different people it is too
-    narrow: at 5 % and an intraclass correlation of 0.1, the interval for 8 people covers in 85 % of all
-    draws, Wilson's over all trials in 52 %. `counts` (P,): hits by person in `trials` (P,), positive.
-    """
-    counts, trials = np.asarray(counts), np.asarray(trials)
-    pooled = share(int(counts.sum()), int(trials.sum()), comparisons)
-    if pooled.n == 0:
-        return UNKNOWN
-    people = len(counts)
-    if pooled.count == 0:
-        low, high = 0.0, none_of(people, comparisons)
-    elif pooled.count == pooled.n:
-        low, high = 1.0 - none_of(people, comparisons), 1.0
-    elif people == 1:
-        low, high = 0.0, 1.0  # one person does not show how people differ
-    else:
-        found = mean(counts / trials, comparisons)
-        low, high = max(found.low, 0.0), min(found.high, 1.0)
-    low, high = min(low, pooled.low), max(high, pooled.high)
-    return Evidence(pooled.value, low, high, pooled.n, pooled.count, people, pooled.low, pooled.high)
-
-
-def none_of(people: int, comparisons: int = 1) -> float:
-    """Exact upper limit of a population's share if none of `people` has it: 1 - alpha^(1 / people)."""
-    return 1.0 - (1.0 - confidence(comparisons)) ** (1.0 / people)
-
-
-def rate_difference(first: np.ndarray, second: np.ndarray, comparisons: int = 1) -> Evidence:
-    """Mean difference of people's rates (P,) in %; bounded by `none_of` if nobody's two rates differ."""
-    first, second = np.asarray(first, float), np.asarray(second, float)
-    found = difference(100 * first, 100 * second, comparisons)
-    if np.array_equal(first, second):
-        bound = 100 * none_of(len(first), comparisons)
-        found = replace(found, low=-bound, high=bound)
-    return found
-
-
-def by_case(make: Callable[..., Evidence], cases: Mapping[str, Sequence[Any]]) -> dict[str, Evidence]:
-    """Evidence by case: `make(*arguments, comparisons=number of cases)` for each."""
-    return {name: make(*arguments, comparisons=len(cases)) for name, arguments in cases.items()}
-
-
-def confidence(comparisons: int) -> float:
-    """Confidence of one interval for a joint coverage of 95 % (Bonferroni)."""
-    return 1.0 - 0.05 / comparisons
-
-
-def counted(count: int, n: int) -> Evidence:
-    """Exact count in n trials, for claims about these trials rather than probabilities."""
-    return Evidence(float(count), float(count), float(count), n, int(count))
-
-
-UNKNOWN = Evidence(float("nan"), float("nan"), float("nan"), 0)  # the verdict is `not tested`
-
-
-def unknown(reason: str) -> Evidence:
-    """No evidence, with the reason why."""
-    return replace(UNKNOWN, reason=reason)
-
-
-Found = Evidence | Mapping[str, Evidence]  # evidence for one claim: a single one, or one by case
 
 
 def _decided(holds: bool, fails: bool) -> str:
@@ -283,22 +167,22 @@ def combined(verdicts: Sequence[str]) -> str:
 
 
 def judge(
-    claims: Sequence[Claim],
-    evidence: Mapping[str, Found],
-    environment: Environment,
-    facts: Mapping[str, object],
+    claims: Sequence[Claim], evidence: Mapping[str, Found], facts: Mapping[str, object]
 ) -> list[Judged]:
     """Judge claims by evidence, looked up by name. Raises ValueError: evidence is missing."""
     if missing := {claim.evidence for claim in claims} - set(evidence):
         raise ValueError(f"nothing was found for {sorted(missing)}, which claims name")
-    return [_judged(claim, evidence[claim.evidence], environment, facts) for claim in claims]
+    return [_judged(claim, evidence[claim.evidence], facts) for claim in claims]
 
 
-def _judged(claim: Claim, found: Found, environment: Environment, facts: Mapping[str, object]) -> Judged:
-    plain = environment.overlay(autoescape=False)  # the page escapes these texts later; CSV files do not
+def rendered(text: str, facts: Mapping[str, object]) -> str:
+    """Text of a claim without escapes; a page escapes it later, a CSV file does not."""
+    return environment().overlay(autoescape=False).from_string(text).render(facts)
+
+
+def _judged(claim: Claim, found: Found, facts: Mapping[str, object]) -> Judged:
     texts = {
-        name: plain.from_string(getattr(claim, name)).render(facts)
-        for name in ("statement", "source", "published", "note")
+        name: rendered(getattr(claim, name), facts) for name in ("statement", "source", "published", "note")
     }
     by_case = {"": found} if isinstance(found, Evidence) else found
     cases = tuple(
@@ -312,33 +196,6 @@ def _judged(claim: Claim, found: Found, environment: Environment, facts: Mapping
         studies=tuple(one.study for one in by_case.values()),
         would_decide=tuple(claim.would_decide(one, case) for case, one in by_case.items()),
     )
-
-
-def in_words(found: Evidence, number_format: str, unit: str = "") -> str:
-    """Evidence as text, e.g. `0.36 [0.30, 0.42] rad`, `26 % [22, 30]`; shares of people have both intervals.
-
-    A rate is never rounded to 0 or 100 % unless it is exactly that.
-    """
-    if np.isnan(found.value):
-        return f"{NOT_TESTED}: {found.reason}" if found.reason else NOT_TESTED
-    if number_format == "count":
-        return f"{found.count} of {found.n}"
-    if number_format == "percent":
-        text = f"{rounded(100 * found.value, '.0f')} %"
-        ends = interval(100 * found.low, 100 * found.high, ".0f")
-        return text if found.low == found.high else f"{text} {ends}"
-    if number_format == "share":
-        assert found.count is not None  # a share is counted
-        text = f"{percent(found.count, found.n, 1)} {interval(100 * found.low, 100 * found.high)}"
-        if found.people is None:
-            return text
-        people = "1 person" if found.people == 1 else f"{found.people} people"
-        pooled = interval(100 * found.pooled_low, 100 * found.pooled_high)
-        return f"{text} over {people}, {pooled} pooled"
-    text = rounded(found.value, number_format)
-    if found.low != found.high:
-        text += f" {interval(found.low, found.high, number_format)}"
-    return f"{text} {unit}".rstrip()
 
 
 def verdict_counts(judged: Sequence[Judged], by: str = "published") -> dict[str, int]:
