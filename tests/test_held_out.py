@@ -27,7 +27,7 @@ import test_touch_skin
 import test_touch_transfer
 import torch
 from board_rollouts import small_board
-from committed import ROOT, TASK_FILE, committed, committed_entry, read_yaml
+from committed import ROOT, SETS, TASK_FILE, committed, committed_entry, read_yaml
 from conftest import two_move_demonstration
 from feedback_toy import toy_dataset
 from reporting_scraping import PARAMETERS as CUTTING
@@ -95,6 +95,7 @@ from structlearn.tasks.movement import feedback_learning
 from structlearn.tasks.movement.movement_learning import segmented
 from structlearn.tasks.movement.parameters import TaskFeedbackParameters
 from structlearn.tasks.movement.phase_corrections import _split, corrected_runs, learn_corrections
+from structlearn.tasks.project import STAGES
 from structlearn.tasks.touch import skin_protocol, skin_readings, surface_traces
 from structlearn.tasks.touch.surface_traces import deviations_from_expected
 from structlearn.tasks.touch.touch_names import MAGNITUDES, NEW_TRIALS
@@ -111,6 +112,7 @@ HOLDS_NOTHING_OUT = {
     "obstacles/evaluate",
     "measures statistics or times": "recorded/calibrate scraping/time_controller",
     "traces of all runs that it is given; the further ones go to other files": "scraping/expected_traces",
+    "has its own test beside its models, test_torque_parts": "recorded/parts",
     "makes samples, each of one demonstration": "scraping/coupling_dataset servoing/touch_dataset",
     "searches by trial, on rollouts of its own": "scraping/compare_search",
     "distances between all places that were touched, those of the test among them": "servoing/geodesics",
@@ -770,7 +772,10 @@ def stage_scripts() -> dict[str, Path]:
 
 def test_every_stage_that_learns_has_a_case():
     """A new stage gets one, or a line that says why it holds nothing out."""
-    scripts = stage_scripts()
+    scripts = {*stage_scripts(), *(f"tasks/{one.stem}" for one in STAGES.glob("[a-z]*.py"))} - {"tasks/learn"}
+    scripts |= {f"recorded/{one.stem}" for one in (ROOT / "stages/recorded").glob("*.py")}
+    for place, kinds in (("tasks", STAGES.parent), ("recorded", SETS)):  # which runs one of these
+        scripts |= {f"{place}/{one.parent.name}" for one in kinds.glob("*/learning.py")}
     cases, others = {stage for stage, _ in CASES}, {*" ".join(HOLDS_NOTHING_OUT.values()).split()}
     assert {name for name in scripts if not name.endswith(SHOWS)} == cases | others
     assert not cases & others

@@ -59,7 +59,7 @@ class Hand:
     sway_mm: float  # std per axis
 
 
-# At this pace the arm keeps its limits throughout the workspace (`make check TASK=pick`)
+# At this pace the arm keeps its limits throughout the workspace (`structlearn check pick`)
 BRISK = Hand(1.0, 2.0, 0.08, 0.08, 0.3)
 SLOW = Hand(2.0, 4.0, 0.04, 0.04, 1.0)
 
