@@ -12,6 +12,7 @@ how many all repeats were found; of wiping, where nothing rests and a force tell
 import argparse
 from functools import partial
 from itertools import pairwise
+from pathlib import Path
 
 import numpy as np
 import pandas as pd
@@ -48,7 +49,7 @@ WIPING = [
 
 def cutting(primitives: object, ends: str) -> SegmentParameters:
     """Parameters of the public example, for other primitives and ends."""
-    values = read_task("pick").segment
+    values = read_task("pick", Path("examples/pick.yaml")).segment
     return values.model_validate(values.model_dump() | {"primitives": primitives, "ends": ends})
 
 

@@ -1,6 +1,6 @@
 """The loop that makes a robot follow a skill, each millisecond, with its deadlines accounted for.
 
-    python examples/follower_loop.py data/tasks/pick/skill/skill.safetensors       # after `make check`
+    python examples/follower_loop.py data/tasks/pick/skill/skill.safetensors       # after `structlearn check`
 
 `FakeArm` has the shape of robots' own libraries, such as `readOnce` and `writeOnce` of pylibfranka and
 `setJointPosition` of lbr_fri; franky plans by itself, from waypoints. A true arm has to be where it starts.

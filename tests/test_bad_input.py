@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 import yaml
-from committed import ROOT, own_tasks, parameter_tree, run_stages
+from committed import own_tasks, parameter_tree, run_stages
 from feedback_toy import toy_dataset
 from readers_bags import pose_messages, pose_rows, write_bag
 from scraping_motions import CHANNELS, NAMES, scraping_skill, simulated
@@ -103,7 +103,7 @@ def cut_off_dataset() -> None:
 def at_rest() -> None:
     """Demonstrations that cannot be cut."""
     write_bag(BAG, pose_messages(clock(), np.tile(pose_rows(1), (400, 1)), TOPIC))
-    run_stages(ROOT, "task", "import_task")
+    run_stages("task", "import_task")
 
 
 IMPORT, COUPLING = "tasks/import_task.py", "scraping/coupling_dataset.py"

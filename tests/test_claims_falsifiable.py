@@ -38,8 +38,8 @@ from dissertation.evidence.studies import OURS as STUDIED
 from dissertation.evidence.studies import Study
 from dissertation.obstacles.page.findings import findings as obstacles_findings
 from dissertation.obstacles.page.findings import read_published as obstacles_published
-from dissertation.recorded.calibration_section import find_calibration
-from dissertation.recorded.representations_section import representation_findings
+from dissertation.recorded.calibration.calibration_section import find_calibration
+from dissertation.recorded.coupling.page import representation_findings
 from dissertation.scraping.page import findings as scraping
 from dissertation.scraping.page.findings import ScrapingPeople
 from dissertation.servoing.page import findings as servoing_findings
@@ -47,7 +47,7 @@ from structlearn.reporting.evidence import Evidence, Found
 from structlearn.reporting.findings import Findings
 from structlearn.segmentation.cut_errors import downsampling_effect
 from structlearn.tasks.motion.motion_results import MotionResults, motion_findings
-from structlearn.tasks.obstacles.scene_section import SceneWays, scene_findings
+from structlearn.tasks.obstacles.page import SceneWays, scene_findings
 
 KNOWN = re.compile(
     r"time_s|since_s|start_s|end_s|phase|fraction|noise_mm|setting_deg|tilt|factor|quoted|truth|true_.*|.*frequency.*"
@@ -156,7 +156,7 @@ def of_package(name: str, file: str = "claims.yaml") -> list[Claim]:
 
 
 def of_task(name: str) -> list[Claim]:
-    return read_claims(ROOT / f"stages/tasks/claims/{name}.yaml")
+    return read_claims(ROOT / f"src/dissertation/recorded/claims/{name}.yaml")
 
 
 def motion_page(name: str) -> Page:

@@ -7,15 +7,18 @@ from pathlib import Path
 
 import pytest
 import yaml
+from committed import ROOT, SETS
 from dvc.utils.serialize import parse_yaml
 from hypothesis import assume, given
 from hypothesis import strategies as st
+from import_closure import packages
 
+from dissertation.recorded import project as recorded
 from dissertation.simulation.pick_and_place import takes, write_takes
 from structlearn import __version__, command
 from structlearn.core.params import read_values
 from structlearn.tasks import project
-from structlearn.tasks.task_entry import read_task, targets
+from structlearn.tasks.task_entry import read_entries, read_task, targets
 from structlearn.tasks.task_files import is_name
 
 FRAME_RATES = ("-5", "0", "201", "2000000000")
@@ -40,21 +43,9 @@ def test_a_new_project_has_an_entry_a_pipeline_and_a_repository_of_its_own(lab, 
     task = read_task("pour")
     assert (task.source, task.topics.pose, len(task.segment.primitives)) == (str(bags), "/gripper/pose", 3)
     stages = [*("import_movement", "segment", "primitives", "feedback", "skill", "check"), "report_movement"]
-    assert targets("structlearn.yaml") == [f"dvc.yaml:{stage}@pour" for stage in [*stages, "view_movement"]]
+    assert targets() == [f"{stage}@pour" for stage in [*stages, "view_movement"]]
     assert (lab / ".dvc/config").exists()
     assert "/data/tasks" in (lab / ".gitignore").read_text()
-
-
-def test_its_pipeline_is_that_of_a_clone_and_names_no_file_of_one(lab, root):
-    clone = read_values(root / "stages/tasks/dvc.yaml")["stages"]
-    mine = yaml.safe_load((lab / "dvc.yaml").read_text())["stages"]
-    assert set(mine) - {"code"} == set(clone) - set(project.FOR_CLONES)
-    for name, stage in mine.items():
-        if name != "code":
-            module = stage["do"]["cmd"].removeprefix("python -m structlearn.tasks.stages.")
-            assert (project.PACKAGED / f"{module}.py").exists()
-            assert stage["do"]["outs"] == clone[name]["do"]["outs"]
-            assert not any(str(path).startswith(("stages", "params.yaml")) for path in stage["do"]["deps"])
 
 
 def test_its_stages_run_from_the_package(lab, monkeypatch):
@@ -64,10 +55,77 @@ def test_its_stages_run_from_the_package(lab, monkeypatch):
         monkeypatch.setenv("DVC_STAGE", f"dvc.yaml:{stage}@pour")
         runpy.run_module(f"structlearn.tasks.stages.{stage}", run_name="__main__", alter_sys=True)
     assert Path("data/tasks/pour/segments/metrics.json").exists()
-    project.list_code()
-    listed = Path("data/code/tasks/segment.txt").read_text()
-    assert "structlearn/segmentation/alignment.py" in listed
-    assert "own.yaml" not in listed
+
+
+def test_an_update_of_the_package_changes_the_digest_of_its_folder_alone(tmp_path, monkeypatch):
+    library = tmp_path / "structlearn"
+    for folder in ("", "core", "tasks", "tasks/stages"):
+        (library / folder).mkdir()
+        (library / folder / "__init__.py").touch()
+    for file in ("core/made.py", "tasks/page.jinja", "tasks/stages/params.yaml"):
+        (library / file).touch()
+    monkeypatch.setattr(project, "LIBRARY", library)
+    monkeypatch.setattr(project, "STAGES", library / "tasks/stages")
+    before = dict(project.code_digests())
+    assert list(before) == ["structlearn", "core", "tasks", "tasks_stages"]
+    for file, changed in (("tasks/page.jinja", {"tasks"}), ("tasks/stages/params.yaml", set())):
+        (library / file).write_text("changed")
+        now = dict(project.code_digests())
+        assert {name for name in now if now[name] != before[name]} == changed
+        before = now
+
+
+def parts(name: str) -> list[str]:
+    """Modules of its kind that a stage over tasks runs."""
+    kind = name.rpartition("_")[2]
+    if name.startswith("report_"):
+        return [f"{kind}.page", f"{kind}.parameters"]
+    return [f"{kind}.view" if name.startswith("view_") else f"{kind}.learning"]
+
+
+@pytest.mark.parametrize("home", [project.packaged_pipeline, (SETS / "pipeline.yaml").read_text])
+def test_stages_depend_on_the_packages_that_they_import(home):
+    stages = yaml.safe_load(home())["stages"]
+    for name, stage in stages.items():
+        stage = stage.get("do", stage)
+        script = (
+            stage["cmd"]
+            .removeprefix("python ")
+            .removeprefix("../../")
+            .removeprefix("-m structlearn.tasks.stages.")
+        )
+        files = [ROOT / script if script.endswith(".py") else project.STAGES / f"{script}.py"]
+        kinds = SETS if home is not project.packaged_pipeline else project.STAGES.parent
+        if files[0].stem in ("learn", "report", "view"):
+            files += [kinds / f"{part.replace('.', '/')}.py" for part in parts(name)]
+        if stage.get("always_changed"):
+            continue
+        folders = packages(*files)
+        ours = {project.code_key(one) for one in folders if one.is_relative_to(project.LIBRARY)}
+        params = {file: keys for one in stage["params"] for file, keys in one.items()}
+        assert sorted(ours) == params[".structlearn.yaml"], name
+        theirs = {one for one in folders if not one.is_relative_to(project.LIBRARY)}
+        named = [
+            (SETS / "../../.." / one.removeprefix("../../")).resolve()
+            for one in stage.get("deps", ())
+            if "/src/" in one
+        ]
+        assert all(any(one.is_relative_to(dep) for dep in named) for one in theirs), name
+
+
+def test_every_public_set_has_its_stages(monkeypatch, tmp_path):
+    monkeypatch.chdir(tmp_path)
+    project.write_project(tmp_path, (SETS / "public.yaml").read_text(), recorded.HEADER)
+    Path("dvc.yaml").write_text(yaml.safe_dump(recorded.pipeline(), sort_keys=False))
+    for name, one in read_entries().items():
+        short = one.kind.rpartition(".")[2]
+        asked = targets(name)
+        assert asked[0] == f"import_{short}@{name}"
+        assert f"report_{short}@{name}" in asked
+    stages = read_values("dvc.yaml")["stages"]
+    assert {stage["do"]["cmd"] for name, stage in stages.items() if name.startswith("report_")} == {
+        "python ../../stages/recorded/report.py"
+    }
 
 
 @pytest.mark.parametrize(

@@ -31,11 +31,12 @@ import test_touch_skin
 import test_touch_transfer
 import torch
 from board_rollouts import small_board
-from committed import ROOT, TASK_FILE, committed, committed_entry, read_yaml
+from committed import ROOT, SETS, TASK_FILE, committed, committed_entry, read_yaml
 from conftest import two_move_demonstration
 from feedback_toy import toy_dataset
 from reporting_scraping import PARAMETERS as CUTTING
 from rigid_body_robots import arm, motion_with_friction, sine_motion
+from structlearn.tasks.motion.motion_parameters import LEARNED, NetworkChoiceParameters
 from tactile_toy import toy_dataset as toy_touches
 from tactile_toy import toy_geodesics
 from test_obstacles_models import PARAMETERS as AVOIDANCE
@@ -54,8 +55,8 @@ from dissertation.dynamics.protocol.trainings import (
 from dissertation.obstacles.protocol import avoidance_fits, avoidance_scores
 from dissertation.obstacles.world.reaching_person import AvoiderParameters
 from dissertation.obstacles.world.scenarios import SceneParameters, scenarios
-from dissertation.recorded import coupling_representations, touch_transfer
-from dissertation.recorded.coupling_representations import RepresentationParameters
+from dissertation.recorded.coupling import learning as coupling_representations
+from dissertation.recorded.transfer import learning as touch_transfer
 from dissertation.scraping.files import read_datasets
 from dissertation.scraping.protocol import feedback_models
 from dissertation.scraping.protocol.board_refinement import refine_on_board
@@ -69,7 +70,7 @@ from dissertation.scraping.protocol.feedback_models import (
 )
 from structlearn.avoidance import scene_models
 from structlearn.avoidance.avoidance_dataset import AvoidanceDataParameters
-from structlearn.avoidance.network_training import NetworkParameters, held_out_rows
+from structlearn.avoidance.network_training import held_out_rows
 from structlearn.avoidance.scene_folds import learn_past_obstacles
 from structlearn.core.artefacts import write_table
 from structlearn.core.parallel import BACKEND
@@ -100,11 +101,11 @@ from structlearn.tactile.pressed_skin import PressedSkin, held_out
 from structlearn.tactile.touch_dataset import TRAIN
 from structlearn.tasks.motion import joint_motion, torque_parts
 from structlearn.tasks.motion.joint_motion import choose_networks, learn_motion
-from structlearn.tasks.motion.motion_parameters import LEARNED, NetworkChoiceParameters
 from structlearn.tasks.movement import feedback_learning
 from structlearn.tasks.movement.movement_learning import segmented
-from structlearn.tasks.movement.movement_parameters import TaskFeedbackParameters
+from structlearn.tasks.movement.parameters import TaskFeedbackParameters
 from structlearn.tasks.movement.phase_corrections import _split, corrected_runs, learn_corrections
+from structlearn.tasks.project import STAGES
 from structlearn.tasks.touch import skin_force, skin_protocol, skin_readings, surface_traces
 from structlearn.tasks.touch.skin_touches import learn_skin
 from structlearn.tasks.touch.surface_traces import deviations_from_expected
@@ -120,8 +121,9 @@ HOLDS_NOTHING_OUT = {
     "puts into one file what was learned": "tasks/skill scraping/write_skill",
     "executes or unrolls": "tasks/check scraping/evaluate_feedback scraping/evaluate_refinement "
     "obstacles/evaluate",
-    "measures statistics or times": "tasks/calibrate scraping/time_controller",
+    "measures statistics or times": "recorded/calibrate scraping/time_controller",
     "traces of all runs that it is given; the further ones go to other files": "scraping/expected_traces",
+    "has its own test beside its models, test_torque_parts": "recorded/parts",
     "makes samples, each of one demonstration": "scraping/coupling_dataset servoing/touch_dataset",
     "searches by trial, on rollouts of its own": "scraping/compare_search",
     "distances between all places that were touched, those of the test among them": "servoing/geodesics",
@@ -537,15 +539,14 @@ def avoidance(monkeypatch, tmp_path):
     return Case(learn, data, tested, with_wobbling(data, ~held, "target"))
 
 
-@of_stage("tasks/obstacles", fits="coupling_representations._fitted coupling_representations._ridge")
+@of_stage("recorded/coupling", fits="coupling_representations._fitted coupling_representations._ridge")
 def coupling_of_samples(monkeypatch, tmp_path):
     """Every representation on the second block."""
     network = {"hidden": (4,), "members": 2, "training": {"iterations": 2}}
-    parameters = committed(
-        RepresentationParameters,
-        "defaults.obstacles.representations",
+    parameters = committed_entry(
+        "avoidance",
         folds=2,
-        network=committed(NetworkParameters, "obstacle_training.per_setting", **network),
+        network=network,
         pmnn=TRAINING,
         pmnn_hidden=(4,),
     )
@@ -796,7 +797,8 @@ def latent_spaces(monkeypatch, tmp_path):
 
 
 @of_stage(
-    "tasks/touch", fits="touch_transfer._errors latent_training.learn_spaces latent_training.learn_from"
+    "recorded/transfer",
+    fits="touch_transfer._errors latent_training.learn_spaces latent_training.learn_from",
 )
 def recorded_touch(monkeypatch, tmp_path):
     """What was learned of two slides while the two others were left out, and its units."""
@@ -1032,7 +1034,10 @@ def stage_scripts() -> dict[str, Path]:
 
 def test_every_stage_that_learns_has_a_case():
     """A new stage gets one, or a line that says why it holds nothing out."""
-    scripts = stage_scripts()
+    scripts = {*stage_scripts(), *(f"tasks/{one.stem}" for one in STAGES.glob("[a-z]*.py"))} - {"tasks/learn"}
+    scripts |= {f"recorded/{one.stem}" for one in (ROOT / "stages/recorded").glob("*.py")}
+    for place, kinds in (("tasks", STAGES.parent), ("recorded", SETS)):  # which runs one of these
+        scripts |= {f"{place}/{one.parent.name}" for one in kinds.glob("*/learning.py")}
     cases, others = {stage for stage, _ in CASES}, {*" ".join(HOLDS_NOTHING_OUT.values()).split()}
     assert {name for name in scripts if not name.endswith(SHOWS)} == cases | others
     assert not cases & others

@@ -54,7 +54,7 @@ def test_every_claim_and_set_that_the_page_names_exists():
         report = file.parents[1].name if file.parent.name == "page" else "recorded"
         names.setdefault(report, set()).update(one["evidence"] for one in claims)
     assert {(one.report, one.claim) for one in (*ROWS, *TILES) if one.claim not in names[one.report]} == set()
-    kinds = read_yaml(ROOT / "stages/tasks/public.yaml")
+    kinds = read_yaml(ROOT / "src/dissertation/recorded/public.yaml")
     titles = {entry.get("title") for entries in kinds.values() for entry in entries.values()}
     assert {row.set for row in (*ROWS, *TILES) if row.report == "recorded"} <= titles
 

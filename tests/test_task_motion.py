@@ -25,7 +25,7 @@ from structlearn.rigid_body.regressor import link_parameters, torque_regressor
 from structlearn.rigid_body.robot import Robot, read_urdf
 from structlearn.rigid_body.tree import LinkInertias
 from structlearn.tasks.motion.joint_motion import learn_motion
-from structlearn.tasks.motion.motion_parameters import MotionParameters
+from structlearn.tasks.motion.parameters import MotionParameters
 
 
 def parameters(**changes) -> MotionParameters:

@@ -7,27 +7,25 @@ from itertools import product
 import numpy as np
 import pandas as pd
 import pytest
-from committed import committed
+from committed import committed, committed_entry
 from readers_bags import recorded_data
 
 from dissertation.evidence.claims import read_claims
-from dissertation.recorded import coupling_representations, coupling_samples
-from dissertation.recorded import representations_section as section
-from dissertation.recorded.coupling_representations import RepresentationParameters, samples_of_reaches
+from dissertation.recorded.coupling import learning as coupling_representations
+from dissertation.recorded.coupling import page as section
+from dissertation.recorded.readers import coupling_samples
 from structlearn.avoidance import scene_folds, scene_models
 from structlearn.avoidance.avoidance_dataset import AvoidanceDataset
 from structlearn.avoidance.features import features
-from structlearn.avoidance.network_training import NetworkParameters
 from structlearn.avoidance.scene_folds import ALL_MODELS, MODELS, folds_of_people, learn_past_obstacles
 from structlearn.avoidance.scene_reaches import SceneLearningParameters, reaches_past_obstacles
 from structlearn.core.errors import InputError, MissingInputError
 from structlearn.core.metrics import wilson_interval
 from structlearn.core.minimum_jerk import progress
-from structlearn.feedback.coupling_model import TrainingParameters
 from structlearn.primitives import canonical, kernels
 from structlearn.primitives.position import fit_position
 from structlearn.readers.demonstration import Demonstration, NamedShape
-from structlearn.tasks.obstacles.scene_section import SceneWays, scene_findings, scene_pictures
+from structlearn.tasks.obstacles.page import SceneWays, scene_findings, scene_pictures
 
 BOXES = {"walls": ["boundary"], "reaches": {"longest_s": 4.0}}
 QUICK = {"folds": 2, "network": {"members": 1, "training": {"iterations": 4}}}
@@ -246,11 +244,8 @@ def recordings():
     return runs
 
 
-def test_representations_are_compared_on_reaches_of_a_task_too():
+def test_a_single_reach_is_too_few():
     parameters = committed(SceneLearningParameters, "defaults.obstacles", **QUICK)
-    samples = samples_of_reaches(recordings(), parameters)
-    assert len(np.unique(samples.demonstration)) == 6
-    assert samples.features.shape == (len(samples), 17)
     with pytest.raises(InputError, match=r"^reaches of 1 people, 1 of them"):
         learn_past_obstacles(recordings()[:1], parameters)
 
@@ -309,7 +304,7 @@ def made_up_ways():
 
 
 def verdicts(root, found):
-    claims, find = read_claims(root / "stages/tasks/claims/boxes.yaml"), scene_findings(found)
+    claims, find = read_claims(root / "src/dissertation/recorded/claims/boxes.yaml"), scene_findings(found)
     return {claim.evidence: claim.verdict(find[claim.evidence]) for claim in claims}
 
 
@@ -376,7 +371,7 @@ def write(folder, found):
 def test_samples_and_their_phase_are_read(tmp_path):
     found, time = tables()
     write(tmp_path, found)
-    dataset, provenance = coupling_samples.read_obstacles(tmp_path)
+    dataset, provenance = coupling_samples.read_coupling(tmp_path)
     np.testing.assert_array_equal(dataset.features, found["features"])
     np.testing.assert_array_equal(dataset.target, found["target"])
     p, u = canonical.phase(time, canonical.TAU_PER_DURATION)
@@ -390,7 +385,7 @@ def test_samples_and_their_phase_are_read(tmp_path):
 
 def test_faults_name_the_file(tmp_path):
     with pytest.raises(InputError, match="holds no samples of obstacle avoidance"):
-        coupling_samples.read_obstacles(tmp_path)
+        coupling_samples.read_coupling(tmp_path)
     found, _ = tables()
     wrong = found["features"].copy()
     wrong[3, 15] += 0.5
@@ -404,7 +399,7 @@ def test_faults_name_the_file(tmp_path):
     ):
         write(tmp_path, found | changes)
         with pytest.raises(InputError, match=message):
-            coupling_samples.read_obstacles(tmp_path)
+            coupling_samples.read_coupling(tmp_path)
 
 
 def phase_dependent(count=120, seed=0):
@@ -418,11 +413,11 @@ def phase_dependent(count=120, seed=0):
 
 
 def test_representations_are_compared_on_the_same_held_out_samples():
-    dataset, key = phase_dependent(), "obstacle_training.per_setting"
-    network = committed(NetworkParameters, key, hidden=(6,), members=2, training={"iterations": 12})
-    pmnn = committed(TrainingParameters, "compare_models", steps=60, dropout=0.0, evaluate_every=30)
+    dataset = phase_dependent()
+    network = {"hidden": (6,), "members": 2, "training": {"iterations": 12}}
+    pmnn = {"steps": 60, "dropout": 0.0, "evaluate_every": 30}
     its = {"folds": 2, "network": network, "pmnn": pmnn, "pmnn_hidden": (8,)}
-    parameters = committed(RepresentationParameters, "defaults.obstacles.representations", **its)
+    parameters = committed_entry("avoidance", **its)
     with pytest.raises(InputError, match="too few for 2 folds"):
         coupling_representations.compare_representations(phase_dependent(3), parameters)
     results = coupling_representations.compare_representations(dataset, parameters)
@@ -468,7 +463,7 @@ def test_claims_follow_the_tables(root):
     kinds = [dict.fromkeys(pair) for pair in zip(*coupling_representations.REPRESENTATIONS, strict=True)]
     written = [set(section.REPRESENTATIONS), set(section.INPUTS)]
     assert written == [set(names) for names in kinds]  # they stand as text there
-    claims = read_claims(root / "stages/tasks/claims/avoidance.yaml")
+    claims = read_claims(root / "src/dissertation/recorded/claims/avoidance.yaml")
     find = section.representation_findings(made_up_scores())
     words = [claim.verdict(one, case) for claim in claims for case, one in find[claim.evidence].items()]
     assert set(words) == {"yes"}
@@ -478,7 +473,7 @@ def test_claims_follow_the_tables(root):
 
 
 def test_the_recorded_samples():
-    dataset, _ = coupling_samples.read_obstacles(recorded_data("clmc"))
+    dataset, _ = coupling_samples.read_coupling(recorded_data("clmc"))
     assert len(dataset) == 823
     _, u = canonical.phase(dataset.time, canonical.time_constant(1.0))
     np.testing.assert_allclose(dataset.phase_velocity, u, atol=0.07)  # two models to the same phase

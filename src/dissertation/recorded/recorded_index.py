@@ -11,16 +11,16 @@ from structlearn.core.params import read_values, value_at
 from structlearn.reporting.document import environment
 from structlearn.reporting.evidence import NOT_TESTED, Evidence
 from structlearn.reporting.findings import Findings, read_findings, values_by_key
-from structlearn.tasks.project import CLONE, OF_PUBLIC, pipeline
 from structlearn.tasks.task_entry import read_entries
 from structlearn.tasks.task_files import TaskFiles
 
-REPORT, QUOTED = Path("reports/recorded"), CLONE / "recorded.yaml"
+HERE, CLONE = Path(__file__).parent, Path("../..")  # the second: of the project of public sets
+REPORT, QUOTED = Path("reports/recorded"), HERE / "recorded.yaml"
 
 
 def publish_index() -> None:
     """Publish the page over all public sets. Raises InputError: a set's page was not made."""
-    names = [name for name, one in read_entries().items() if one.file.name == OF_PUBLIC]
+    names = list(read_entries())
     quoted: Mapping[str, Mapping[str, Any]] = read_values(QUOTED)
     sets = [{"name": name} | summary(TaskFiles(name), quoted.get(name, {})) for name in names]
     judged = [claim for one in sets for claim in reload_verdicts(one["name"], one["title"])]
@@ -29,7 +29,7 @@ def publish_index() -> None:
     page = JudgedDocument(
         template="recorded_index.html.jinja",
         package=__package__,
-        stage=f"{pipeline()}:recorded_report",
+        stage="recorded_report",
         facts={"sets": sets, "in_both": len(both), "alike": alike},
         judged=judged,
         command="make recorded DATA=FOLDER",
@@ -53,7 +53,7 @@ def summary(files: TaskFiles, quoted: Mapping[str, Any]) -> dict[str, Any]:
 
 def reload_verdicts(name: str, title: str) -> list[Judged]:
     """Claims about a set with the verdicts from its page, and those of their simulated counterparts."""
-    path = CLONE / "claims" / f"{name}.yaml"
+    path = HERE / "claims" / f"{name}.yaml"
     if not path.exists():
         return []
     table = read_csv(TaskFiles(name).report / "tables/claims.csv", keep_default_na=False)
@@ -63,7 +63,7 @@ def reload_verdicts(name: str, title: str) -> list[Judged]:
     for claim, its in zip(read_claims(path), rows, strict=True):
         texts = its.iloc[0][["statement", "source", "published"]].to_dict()
         like, simulated = claim.simulated, ""
-        there = Path("reports", like.testbed if like else "", "tables/claims.csv")
+        there = CLONE / "reports" / (like.testbed if like else "") / "tables/claims.csv"
         if like and there.exists():
             simulated = verdict_in(read_csv(there, keep_default_na=False), like)
         judged.append(

@@ -28,7 +28,8 @@ class SceneResults:
 
     # per `model` of `ALL_MODELS` and `reach`: `person`, `fold`; `blocked`: the straight line hits an
     # obstacle; `hit`, `hit_wall`: the reach hits an obstacle, a wall; `clearance_mm` of the hand's centre
-    # from the nearest obstacle, `left_mm` to the goal at the prescribed end, `path_mm` from the person's own path, and
+    # from the nearest obstacle, `left_mm` to the goal at the prescribed end, `path_mm` from the person's own
+    # path, and
     # `same_gaps`: it takes the same gaps as the person
     reaches: pd.DataFrame
     # per `model` of `MODELS`, `fold` and `axis`, sums over held-out samples: `squared` errors of the coupling

@@ -36,7 +36,7 @@ STRETCH, STRETCHES = 1.02, 100  # factor per step by which the period grows unti
 
 
 class ExcitationParameters(Parameters):
-    """Design of an excitation trajectory. Fields: `stages/tasks/params.yaml`, `excite`."""
+    """Design of an excitation trajectory. Fields: `structlearn defaults`, `excite`."""
 
     harmonics: int = Field(ge=2)
     period_s: float = Field(gt=0)

@@ -1,4 +1,4 @@
-"""Proposed entry of `stages/tasks/own.yaml` for recordings: what the files show and the defaults do not.
+"""Proposed entry of `structlearn.yaml` for recordings: what the files show and the defaults do not.
 
 Choices among several options, and possible problems, are noted beside the key concerned.
 """

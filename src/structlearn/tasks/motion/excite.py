@@ -37,7 +37,7 @@ from structlearn.rigid_body.robot import Robot, read_urdf
 from structlearn.rigid_body.urdf import urdf_path
 from structlearn.tasks import project
 from structlearn.tasks.motion.motion_figures import gain_panel, share_panels
-from structlearn.tasks.motion.motion_parameters import MotionParameters
+from structlearn.tasks.motion.parameters import MotionParameters
 from structlearn.tasks.shown_tables import shown
 from structlearn.tasks.task_entry import read_task
 from structlearn.tasks.task_files import local_path
@@ -60,7 +60,7 @@ class ExciteParameters(ExcitationParameters):
 
 def design_trajectory(task: str | None, urdf: str, locked: Sequence[str]) -> None:
     """Design and publish a trajectory for a task's robot, or a URDF with joints to lock; print a summary."""
-    parameters = stage_parameters("excite", ExciteParameters, project.defaults_file())
+    parameters = stage_parameters("excite", ExciteParameters, project.DEFAULTS)
     if task:
         urdf, locked = robot_of(task)
     name = task or re.sub(r"[^a-z0-9_-]", "_", Path(urdf).stem.lower())
@@ -89,7 +89,7 @@ def robot_of(task: str) -> tuple[str, Sequence[str]]:
     entry = read_task(task)
     robot = entry if isinstance(entry, MotionParameters) else getattr(entry, "robot", None)
     if robot is None or robot.urdf is None:
-        raise InputError(f"{project.entry_files()[-1]}: {task}: names no robot")
+        raise InputError(f"{project.ENTRIES}: {task}: names no robot")
     return robot.urdf, robot.locked_joints
 
 

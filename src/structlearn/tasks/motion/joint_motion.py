@@ -40,7 +40,7 @@ from structlearn.rigid_body.tree import KinematicTree, joint_order
 from structlearn.rigid_body.urdf import urdf_path
 from structlearn.tasks.motion import drives_and_load
 from structlearn.tasks.motion.drives_and_load import FRICTION, longest_motion
-from structlearn.tasks.motion.motion_parameters import (
+from structlearn.tasks.motion.parameters import (
     FOUND,
     QUOTED,
     MotionParameters,

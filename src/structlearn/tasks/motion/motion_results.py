@@ -14,8 +14,8 @@ from structlearn.reporting.prose import interval, rounded
 from structlearn.rigid_body import friction
 from structlearn.rigid_body.model_names import DEFAULT, NAMES, STRICT
 from structlearn.rigid_body.motion import drawn_nmse
-from structlearn.tasks.motion import motion_parameters as protocol
-from structlearn.tasks.motion.motion_parameters import MotionParameters
+from structlearn.tasks.motion import parameters as protocol
+from structlearn.tasks.motion.parameters import MotionParameters
 
 # The original URDF; the kind that becomes a URDF; the kind that need not be physically consistent
 URDF, BEST, BOUNDS = ("urdf", "none"), "cov", "least_squares"

@@ -19,7 +19,7 @@ from structlearn.segmentation.cut_errors import errors_by_level, errors_by_seed,
 from structlearn.segmentation.quality import MEASURES, quality
 from structlearn.segmentation.segments import Segmentation
 from structlearn.tasks.movement.movement_learning import cut_metrics
-from structlearn.tasks.movement.movement_parameters import MovementEntry
+from structlearn.tasks.movement.parameters import MovementEntry
 from structlearn.tasks.section import Section
 from structlearn.tasks.shown_tables import shown
 from structlearn.tasks.task_files import TaskFiles

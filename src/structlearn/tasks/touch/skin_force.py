@@ -14,9 +14,9 @@ import pandas as pd
 from structlearn.core.errors import InputError
 from structlearn.core.parallel import parallel_map
 from structlearn.readers.user_tables import TouchLog
+from structlearn.tasks.touch.parameters import ForceParameters
 from structlearn.tasks.touch.skin_readings import gaussian_process, polynomial
 from structlearn.tasks.touch.touch_names import NEW_PRESSES, NEW_RUN, PRESSURE, PROCESS, QUADRATIC
-from structlearn.tasks.touch.touch_parameters import ForceParameters
 
 PRESSURE_DEGREE = 4  # of the polynomial of the channels' norm
 LAG_STEP_S = 0.02  # grid of lags; the best one is refined by a parabola

@@ -14,6 +14,7 @@ from structlearn.reporting.findings import Findings
 from structlearn.reporting.prose import listing
 from structlearn.tasks.section import Section
 from structlearn.tasks.task_files import TaskFiles
+from structlearn.tasks.touch.parameters import PublishedParameters, TouchParameters
 from structlearn.tasks.touch.touch_names import (
     COMPONENTS,
     CORRECTED,
@@ -30,7 +31,6 @@ from structlearn.tasks.touch.touch_names import (
     STRUCTURED,
     shown_map,
 )
-from structlearn.tasks.touch.touch_parameters import PublishedParameters, TouchParameters
 
 Tables = Mapping[str, pd.DataFrame]
 
@@ -141,11 +141,9 @@ def of_mean(samples: pd.Series) -> Evidence:
     return mean(samples.to_numpy(float)) if len(samples) else unknown(MISSING)
 
 
-def section(files: TaskFiles) -> Section | None:
+def section(files: TaskFiles) -> Section:
     """Section of a task whose touches are of a skin at known places."""
     parameters = files.entry(TouchParameters)
-    if parameters.over_time:
-        return None
     runs = SkinRuns(files.tables("touch"), parameters.tuned_on)
     find, origin = find_skin(runs), {"folder": files.folder / "touch", "origins": files.origins()}
     return Section(
