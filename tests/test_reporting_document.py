@@ -78,7 +78,7 @@ def test_a_page_has_anchors_sources_and_escapes_what_it_is_given(package):
     assert "<h1>&lt;Page&gt;" in html
     assert "<em>eye</em>" in html
     assert "All &lt;rows&gt;." in html
-    assert "dvc repro -s score" in html
+    assert "dvc repro score" in html
     assert 'href="../rerun/made_up/run.rrd"' in html
     assert "\N{MINUS SIGN}1.2" in html  # of -1.25; and the missing value is a dash
     assert ">simulated</span>" in html

@@ -51,7 +51,7 @@ def main(words: list[str] | None = None) -> None:
     """Run one of the commands; on invalid input, print one line and exit with code 1."""
     given = _arguments(words)
     sys.path.insert(0, "")  # modules that entries name may be in the project
-    run(lambda: given.do(given))
+    run(lambda: given.do(given), stage=False)
 
 
 def new(given: argparse.Namespace) -> None:

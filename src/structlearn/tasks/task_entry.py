@@ -11,6 +11,7 @@
 A part (`PARTS`) that an entry does not name is null, whatever its defaults.
 """
 
+from contextlib import suppress
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -20,6 +21,7 @@ from structlearn.core.artefacts import publish
 from structlearn.core.errors import InputError
 from structlearn.core.params import checked, merged, read_values, value_at
 from structlearn.core.reading import digest
+from structlearn.core.used_files import remember_value
 from structlearn.readers.source import SourceParameters
 from structlearn.tasks.kinds import defaults, part
 from structlearn.tasks.project import ENTRIES, PIPELINE
@@ -44,7 +46,7 @@ def read_entries(file: Path = ENTRIES) -> dict[str, Entry]:
     if not file.exists():
         raise InputError(f"{file}: no such file here; `structlearn new` makes a project")
     found: dict[str, Entry] = {}
-    values = read_values(file) or {}
+    values = read_values(file, whole=False) or {}
     if not isinstance(values, dict):
         raise InputError(f"{file}: is no mapping of kinds of data to tasks")
     for kind, tasks in values.items():
@@ -78,6 +80,9 @@ def read_task(name: str, file: Path = ENTRIES) -> Any:
     if name not in entries:
         raise InputError(f"{file}: {name}: there is no such task among {', '.join(entries) or 'none'}")
     kind, entry = entries[name]
+    remember_value(
+        file, f"{kind}.{name}", entry, lambda: read_entries(file).get(name, Entry("", None)).values
+    )
     if not isinstance(entry, dict):
         raise InputError(f"{file}: {kind}.{name}: is no mapping of parameters")
     values = merged(defaults(kind), entry)
@@ -91,10 +96,10 @@ def read_checked(path: Path) -> SourceParameters:
 
 
 def source_digests(task: SourceParameters) -> dict[str, dict[str, str]]:
-    """`file_digests` of all sources of a task, by their role."""
+    """`file_digests` of all sources of a task, by their role; of a robot that is checked, with its meshes."""
     return {
-        name: {file: digest for path in paths for file, digest in file_digests(path).items()}
-        for name, paths in task.sources().items()
+        role: {name: digest for path in paths for name, digest in file_digests(path, role == "robot").items()}
+        for role, paths in task.sources().items()
     }
 
 
@@ -111,21 +116,27 @@ def write_task(task: SourceParameters, files: dict[str, dict[str, str]], path: P
         target.write_text(yaml.safe_dump(content, sort_keys=False), encoding="utf-8")
 
 
-def file_digests(source: str) -> dict[str, str]:
+def file_digests(source: str, meshes: bool = False) -> dict[str, str]:
     """SHA-256 of a file, or of all but hidden files below a folder, by path as written.
 
-    Empty for a public set that is not here. Raises InputError: there is no such file or folder.
+    `meshes`: with those of the files that a URDF names. Empty for a public set that is not here. Raises
+    InputError: there is no such file or folder.
     """
     path = local_path(source)
     if is_public(source) and not path.exists():
         return {}
-    if path.suffix == ".urdf":
+    if path.suffix == ".urdf" or meshes:
         from structlearn.rigid_body.urdf import urdf_path
 
         path = urdf_path(str(path))
     if not path.exists():
         raise InputError(f"{source}: no such file or folder")
     found = {source: path} if path.is_file() else {}
+    if meshes:
+        from structlearn.rigid_body.urdf import named_files
+
+        with suppress(InputError):  # the check will say why
+            found |= {f"{source}: {name}": file for name, file in named_files(path).items()}
     for file in sorted(path.rglob("*")) if path.is_dir() else ():
         below = file.relative_to(path)
         if file.is_file() and not any(part.startswith(".") for part in below.parts):
