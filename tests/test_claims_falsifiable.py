@@ -152,7 +152,7 @@ FEWER_DRAWS = 100  # of blocks, for intervals
 
 
 def of_package(name: str, file: str = "claims.yaml") -> list[Claim]:
-    return read_claims(files(f"structlearn.{name}") / file)
+    return read_claims(files(f"dissertation.{name}") / file)
 
 
 def of_task(name: str) -> list[Claim]:
@@ -169,22 +169,20 @@ def motion_page(name: str) -> Page:
     )
 
 
-SCRAPING = "testbeds.scraping.page"
+SCRAPING = "scraping.page"
 FEEDBACK_TABLES, REFINEMENT_TABLES = (stages()[1].keys() for stages in (feedback_stages, refinement_stages))
 MADE_UP = {
     "boxes": (test_tasks_obstacles.made_up_ways, lambda its: scene_findings(SceneWays(its))),
     "avoidance": (test_tasks_obstacles.made_up_scores, representation_findings),
 } | {name: (made, test_touch_page.FIND[name]) for name, made in test_touch_page.MADE_UP.items()}
 PAGES = {
-    "dynamics": Page(of_package("testbeds.dynamics.page"), lambda get: dynamics(), dynamics_findings),
+    "dynamics": Page(of_package("dynamics.page"), lambda get: dynamics(), dynamics_findings),
     "obstacles": Page(
-        of_package("testbeds.obstacles.page"),
+        of_package("obstacles.page"),
         lambda get: [get("obstacles_results")],
         partial(obstacles_findings, published=obstacles_published()),
     ),
-    "servoing": Page(
-        of_package("testbeds.servoing.page"), lambda get: servoing(get("servoing_results")), over_people
-    ),
+    "servoing": Page(of_package("servoing.page"), lambda get: servoing(get("servoing_results")), over_people),
     "segmentation": Page(
         of_package(SCRAPING, "segmentation_claims.yaml"),
         lambda get: [stored()],
@@ -205,7 +203,7 @@ PAGES = {
         chosen=lambda place: place.removeprefix("tables.") in REFINEMENT_TABLES,
     ),
     "calibration": Page(
-        of_package("tasks.touch", "calibration_claims.yaml"),
+        of_package("recorded", "calibration_claims.yaml"),
         lambda get: [test_touch_page.calibrated(1.0)],
         find_calibration,
         chosen=lambda place: place == "comparison",
