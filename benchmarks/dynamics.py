@@ -1,6 +1,7 @@
 """Learning dynamics from 6000 samples of the iiwa: step of training, torques and epoch of DeLaN.
 
-A step of training is torques of the whole set, their squared error and its gradient to the free parameters of cov.
+A step of training is torques of the whole set, their squared error and its gradient to the free parameters
+of cov.
 """
 
 from collections.abc import Callable, Sequence
