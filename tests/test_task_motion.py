@@ -12,6 +12,7 @@ import yaml
 from committed import TASK_FILE
 from pydantic import ValidationError
 from rigid_body_robots import joint, link
+from structlearn.tasks.motion.motion_parameters import LARGEST_CONDITION, MotionParameters
 
 from dissertation.simulation.arm import Payload, carrying
 from structlearn.core.errors import InputError
@@ -119,7 +120,7 @@ def test_base_parameters_come_with_intervals_that_hold_the_truth(several):
     results, _ = several
     robot = arm()[0]
     true = base_parameters(robot.tree).values(heavier(robot.inertias))
-    assert results.excitation["condition"][0] < parameters().largest_condition
+    assert results.excitation["condition"][0] < LARGEST_CONDITION
     assert np.abs(results.base["value"] - true).max() < 0.05
     inside = (results.base["low"] - 0.02 <= true) & (true <= results.base["high"] + 0.02)
     assert inside.all()
@@ -162,7 +163,7 @@ def test_of_a_single_log_every_fourth_block_is_held_out_and_little_motion_is_tol
     assert errors["nmse"].max() < 0.02
     less = np.array([0.01, 0.01, 1.0, 0.01])  # the gripper, then bend, lift and turn
     small = replace(log, positions=log.positions * less, velocities=log.velocities * less)
-    assert identified(tmp_path, [small]).excitation["condition"][0] > parameters().largest_condition
+    assert identified(tmp_path, [small]).excitation["condition"][0] > LARGEST_CONDITION
 
 
 def test_a_log_that_is_too_short_or_lacks_a_joint_is_refused(tmp_path):

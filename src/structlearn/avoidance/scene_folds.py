@@ -31,6 +31,9 @@ class SceneResults:
     # from the nearest obstacle, `left_mm` to the goal at the prescribed end, `path_mm` from the person's own
     # path, and
     # `same_gaps`: it takes the same gaps as the person
+    # obstacle; `hit`, `hit_wall`: it hits an obstacle, a wall; `clearance_mm` of the hand's centre from
+    # the nearest obstacle, `left_mm` to the goal at the prescribed end, `path_mm` from the person's own path,
+    # and `same_gaps`: it takes the same gaps as the person
     reaches: pd.DataFrame
     # per `model` of `MODELS`, `fold` and `axis`, sums over held-out samples: `squared` errors of the coupling
     # term, and `variance`, squared deviations of the targets from their mean

@@ -97,6 +97,7 @@ def motion_facts(results: MotionResults) -> dict[str, Any]:
             for name, key in (("urdf", URDF), ("bounds", results.bounds), ("viscous", (BEST, "viscous")))
         },
         "condition": excitation["condition"],
+        "largest_condition": names.LARGEST_CONDITION,
         "base_parameters": int(excitation["parameters"]),
         "unsure": len(results["base"].query("low < 0 < high")),
         "lacks_gravity": [

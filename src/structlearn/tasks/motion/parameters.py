@@ -17,6 +17,10 @@ FOUND, QUOTED = "found", "quoted"  # sets of gains for weighing a load
 ALL_PAIRS = "all pairs"  # load from all pairs of logs together
 CENTRE = [f"centre_{axis}_m" for axis in "xyz"]  # columns of a centre of mass
 
+TEST_EVERY = 4  # of a single log, every fourth block is held out: enough of it to test and to learn from
+LARGEST_CONDITION = 100.0  # of the base parameters; beyond it the motion excites too little (Gautier 1992)
+GRAVITY_SHARE = 0.7  # least share of the URDF's gravity in a torque: masses of URDFs are off by less
+
 # Stages while a load is followed, in order
 LEARNED, EMPTY, CARRYING = "empty, learned from", "empty, another motion", "with the load"
 
@@ -72,8 +76,6 @@ class MotionParameters(SourceParameters):
     train: Log | None
     test: Log | None
     train_share: float | None = Field(gt=0, lt=1)
-    test_logs: int = Field(ge=1)
-    test_every: int = Field(ge=2)
     block_s: float = Field(gt=0)
     draws: int = Field(ge=100)
     seed: NonNegativeInt
@@ -83,8 +85,6 @@ class MotionParameters(SourceParameters):
     prior: float = Field(ge=0)
     judged_friction: Literal["coulomb", "offset", "stiffness"]
     body_draws: NonNegativeInt
-    largest_condition: float = Field(gt=1)
-    gravity_share: float = Field(gt=0, lt=1)
     gravity_n_m: float = Field(gt=0)
     traces_hz: float = Field(gt=0)
     networks: NetworkChoiceParameters | None
