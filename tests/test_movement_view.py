@@ -9,7 +9,7 @@ from viewer_files import colour_of, contents, note
 
 from structlearn.palette import PHASE_PATHS
 from structlearn.primitives.fitting import FitParameters, learn_sequence, orientations, segment_paths, whole
-from structlearn.tasks.movement import movement_view as view
+from structlearn.tasks.movement import view
 from structlearn.tasks.movement.movement_learning import segmented
 from structlearn.tasks.movement.phase_corrections import phase_networks
 from structlearn.viewer.recorded_demonstrations import write_demonstrations

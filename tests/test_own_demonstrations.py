@@ -242,7 +242,7 @@ def test_dvc_runs_nothing_and_deletes_nothing_for_a_name_that_is_none(tmp_path):
     command = [dvc, "repro", "--keep-going"]
     assert subprocess.run(command, cwd=project, env=variables, capture_output=True).returncode != 0
     stages, words = zip(*(line.split("|") for line in asked.read_text().split("\0")[:-1]), strict=True)
-    assert {f"dvc.yaml:import_movement@{name}" for name in EVIL} == set(stages)
+    assert {f"import_movement@{name}" for name in EVIL} == set(stages)
     assert set(words) == {"-m structlearn.tasks.stages.import_task"}
     assert {path.name for path in project.iterdir()} - {"data", "reports", "dvc.lock"} == before
     assert not list(tmp_path.rglob("*PWNED*"))

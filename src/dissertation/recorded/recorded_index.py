@@ -32,6 +32,7 @@ def publish_index() -> None:
         stage="recorded_report",
         facts={"sets": sets, "in_both": len(both), "alike": alike},
         judged=judged,
+        clone=str(CLONE),
         command="make recorded DATA=FOLDER",
     )
     publish_judged(REPORT, {"index": page}, {}, {}, headlines(quoted, names))

@@ -42,6 +42,7 @@ def publish_set(files: TaskFiles) -> None:
         "judged": judged(files.name, page.find, facts),
         "recordings": f"../../../{PROJECT}/{files.report}/rerun",
         "root": "../..",
+        "clone": "../..",
         "command": COMMAND,
     }
     document = SetDocument(**vars(page.document) | own)

@@ -73,6 +73,7 @@ class Document:
     parameters: Mapping[str, Parameters] = field(default_factory=dict)  # keyed as in `params.yaml`
     recordings: str = ""  # folder of the .rrd files, relative to the page
     simulated: bool = False  # whether to label it as simulated
+    clone: str = "."  # folder of the sources, whose commit the footer names
     command: str = ""  # that makes the page; default `dvc repro STAGE`
 
     def environment(self) -> Environment:
@@ -156,7 +157,7 @@ class PageHelpers:
         document = self._document
         paths = [Path(source.path) for source in document.sources.values()]
         command = document.command or (f"dvc repro {document.stage}" if document.stage else "")
-        return Provenance(source_commit(), date_of(paths), command)
+        return Provenance(source_commit(root=Path(document.clone)), date_of(paths), command)
 
     def _sources(self, names: str) -> list[Source]:
         return [self._document.sources[name] for name in names.split()]

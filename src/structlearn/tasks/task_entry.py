@@ -92,7 +92,8 @@ def read_task(name: str, file: Path = ENTRIES) -> Any:
 
 def read_checked(path: Path) -> SourceParameters:
     """Read parameters published by `write_task`."""
-    return checked(value_at(path, "entry"), model(path, value_at(path, "kind")), path, "entry")
+    entry = model(path, value_at(path, "kind"))
+    return checked(value_at(path, "entry"), entry, path, "entry")
 
 
 def source_digests(task: SourceParameters) -> dict[str, dict[str, str]]:

@@ -115,7 +115,7 @@ def calibration_document(
     facts: dict[str, object] = parameters.model_dump() | {"variance_percent": 100 * parameters.variance}
     judged, stage = judge(claims, find, facts), "calibration_report"
     if not stored:
-        return JudgedDocument("not_calibrated.html.jinja", PACKAGE, stage, judged=judged)
+        return JudgedDocument("not_calibrated.html.jinja", PACKAGE, stage, judged=judged, clone="../..")
     facts |= find.numbers() | {
         "compared_rows": stored["comparison"].set_index("statistic").to_dict("index"),
         "runs": stored["fingers"].query("group == @CALIBRATED")["run"].nunique(),
@@ -126,6 +126,7 @@ def calibration_document(
         template="calibration.html.jinja",
         package=PACKAGE,
         stage=stage,
+        clone="../..",  # of the project of public sets
         facts=facts,
         tables=calibration_tables(stored),
         judged=judged,
