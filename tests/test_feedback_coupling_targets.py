@@ -130,6 +130,17 @@ def test_the_dataset_is_thinned_to_the_rate_of_the_sensors(supervised):
     assert len(dataset.target) == 201 + 241 + 221
 
 
+@pytest.mark.parametrize("more", [0, 1, 2])
+def test_the_phase_is_of_the_whole_duration_wherever_thinning_ends(primitive, expected, more):
+    run, cut = demonstration(primitive, expected, duration=0.5 + more * DT)
+    cuts = pd.DataFrame([cut], index=["01"])
+    level = coupling_targets.level_dataset([run], cuts, expected, PARAMETERS)
+    assert len(level.time) == 51
+    p, u = canonical.phase(level.time, canonical.time_constant(0.5 + more * DT))
+    np.testing.assert_allclose(level.phase, p, atol=1e-12)
+    np.testing.assert_allclose(level.phase_velocity, u, atol=1e-12)
+
+
 def test_on_the_level_board_nothing_is_to_be_corrected(supervised, primitive, expected):
     """Whatever the fingers feel there; an execution that could not be cut is left out."""
     runs, cuts, corrected = supervised
@@ -161,13 +172,14 @@ def test_the_board_tilts_about_one_axis():
         on_axes("z", "z")
 
 
-def corrected_pose(primitive, expected, coupling, duration=2.2):
-    """The whole pose with a coupling term (T, 6) given as a function of time, and no rest around it."""
+def corrected_pose(primitive, expected, coupling, duration=2.2, start=None):
+    """The whole pose from a start, with a coupling term (T, 6) as a function of time, and no rest."""
     time = DT * np.arange(round(duration / DT) + 1)
     c = coupling(time, time[-1])
     rest = {"velocity": 0.0, "acceleration": 0.0, "duration": time[-1]}
-    axes = local_frame(primitive.position.start, primitive.position.goal, primitive.position.frame)
-    point = primitive.position.unroll(DT, coupling=lambda k, x, xd: c[k, :3] @ axes, **rest)
+    start = primitive.position.start if start is None else start
+    axes = local_frame(start, primitive.position.goal, primitive.position.frame)
+    point = primitive.position.unroll(DT, start, coupling=lambda k, x, xd: c[k, :3] @ axes, **rest)
     turn = primitive.orientation.unroll(DT, coupling=lambda k, q, w: c[k, 3:], **rest)
     felt = expected_traces(expected, len(time), DT)
     run = Demonstration("01", time, point.position, turn.orientation, tactile=felt)
@@ -203,6 +215,18 @@ def test_known_coupling_terms_on_any_axes_come_back(primitive, expected, chosen,
         if error in checks:
             assert checks[error][0] < limit
             assert checks[others][0] < 0.05
+
+
+def test_a_demonstration_from_elsewhere_is_checked_in_the_frame_of_its_own_reach(primitive, expected):
+    def coupling(time, duration):
+        return known_coupling(time, duration, 1.0)[:, None] * [1.0, -0.5, 2.0, 0.0, 0.0, 0.0]
+
+    start = primitive.position.start + np.array([0.08, 0.02, 0.0])
+    run, cut, _ = corrected_pose(primitive, expected, coupling, start=start)
+    cuts = {"left": pd.DataFrame([cut], index=["01"])}
+    own = on_axes("x", "y", "z", smoothing_hz=30.0, target_hz=30.0)
+    _, checks = coupling_targets.coupling_dataset({"left": [run]}, cuts, primitive, expected, own)
+    assert checks["reproduction_m"][0] < 1e-4
 
 
 @pytest.mark.parametrize(

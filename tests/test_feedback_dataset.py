@@ -60,8 +60,10 @@ def test_a_number_is_left_out_of_every_setting_and_other_samples_are_split_as_th
         assert len(fold.train) / remaining == pytest.approx(0.85, abs=0.01)
 
 
-def test_a_chunk_is_split_as_a_whole_and_ends_with_its_demonstration():
-    data = toy_dataset()
+@pytest.mark.parametrize("demonstrations", [1, 4])
+def test_a_chunk_is_split_as_a_whole_and_ends_with_its_demonstration(demonstrations):
+    """Also where the next demonstration has the same number, in another setting."""
+    data = toy_dataset(demonstrations=demonstrations)
     fold = without_generalization(data, 7, seed=0)
     part = np.empty(len(data.target), dtype=int)
     for index, rows in enumerate(fold.parts()):

@@ -1,3 +1,7 @@
+import copy
+import pickle
+import subprocess
+import sys
 import tracemalloc
 from dataclasses import replace
 
@@ -209,6 +213,63 @@ def test_a_second_run_repeats_the_first_whatever_happened_in_it():
         np.testing.assert_array_equal(values, second[name])
 
 
+def in_use(rng):
+    """A controller within `tilt`, with feedback and a moved goal, and its sensor."""
+    controller, sensor = started(Controller(with_feedback(rng), RATE)), touching(rng)
+    run(controller, sensor, ticks=round(RATE * controller.skill.primitives[0].duration) + 60)
+    controller.move_goal("scrape", POINTS[3] - 0.05, random_orientations(rng))
+    return controller, sensor
+
+
+@pytest.mark.parametrize(
+    "copied",
+    [copy.copy, copy.deepcopy, lambda one: pickle.loads(pickle.dumps(one))],
+    ids=["copy", "deepcopy", "pickle"],
+)
+def test_a_copy_continues_the_run_on_its_own(copied):
+    controller, sensor = in_use(np.random.default_rng(30))
+    before = [np.copy(getattr(controller, name)) for name in POSITION]
+    other = copied(controller)
+    assert not other.position.flags.writeable
+    for _ in range(2):  # the rest of this run, and another one
+        found, flags = run(other, sensor)
+        for name, values in zip(POSITION, before, strict=True):
+            np.testing.assert_array_equal(getattr(controller, name), values)
+        expected, as_before = run(controller, sensor)
+        assert flags == as_before
+        assert np.abs(expected["coupling"]).max() > 1.0
+        for name, values in expected.items():
+            np.testing.assert_array_equal(found[name], values, name)
+        before = [np.copy(getattr(started(controller), name)) for name in POSITION]
+        started(other)
+
+
+def test_a_copy_before_the_start_has_not_started():
+    other = copy.copy(Controller(with_feedback(np.random.default_rng(30)), RATE))
+    with pytest.raises(RuntimeError, match=r"start\(\) comes before"):
+        other.tick(None)
+
+
+def test_a_pickled_controller_continues_in_another_process(tmp_path):
+    """Compiled functions have other addresses there."""
+    controller, _ = in_use(np.random.default_rng(31))
+    (tmp_path / "controller").write_bytes(pickle.dumps(controller))
+    ticks = (
+        "import pickle, sys; import numpy as np\n"
+        "controller = pickle.loads(open(sys.argv[1], 'rb').read())\n"
+        "for _ in range(40): controller.tick(np.arange(300.0, 306.0))\n"
+        "np.save(sys.argv[2], np.concatenate([controller.orientation, controller.coupling]))"
+    )
+    command = [sys.executable, "-c", ticks, str(tmp_path / "controller"), str(tmp_path / "found.npy")]
+    subprocess.run(command, check=True)
+    for _ in range(40):
+        controller.tick(np.arange(300.0, 306.0))
+    assert abs(controller.coupling[0]) > 0.1
+    np.testing.assert_array_equal(
+        np.load(tmp_path / "found.npy"), np.concatenate([controller.orientation, controller.coupling])
+    )
+
+
 def test_positions_without_orientations_can_be_followed():
     skill = random_skill(np.random.default_rng(2), turned=False)
     controller = Controller(skill, RATE)
@@ -267,6 +328,24 @@ def test_without_good_samples_the_coupling_fades_and_comes_back_smoothly(fault):
     assert rejected == ([] if fault == "silent" else list(silence))
 
 
+@pytest.mark.parametrize("kind", [float, np.float32, int, np.uint16])
+def test_a_sample_with_a_masked_channel_is_rejected_as_one_with_nan(kind):
+    skill, counts = with_feedback(np.random.default_rng(3)), np.round(BASE).astype(kind)
+    masked, missing = (
+        np.ma.MaskedArray(counts, mask=np.arange(6) == 2),
+        np.where(np.arange(6) == 2, np.nan, BASE),
+    )
+    sensors = [lambda k, odd=odd: odd if k > 150 else counts for odd in (masked, missing)]
+    (found, flags), (expected, same) = (run(started(Controller(skill, RATE)), one) for one in sensors)
+    assert flags == same
+    assert Status.REJECTED in flags[200]
+    for name, values in expected.items():
+        np.testing.assert_array_equal(found[name], values)
+    whole, none = run(started(Controller(skill, RATE)), lambda k: np.ma.MaskedArray(counts), ticks=200)
+    assert Status.REJECTED not in none[-1]
+    assert np.isfinite(whole["deviation"][-1]).all()
+
+
 @pytest.mark.parametrize("count", [0, OFFSET_SAMPLES - 1])
 def test_without_offset_there_is_no_feedback_in_the_whole_run(count):
     skill = steady_skill(np.random.default_rng(6))
@@ -299,7 +378,8 @@ def test_counts_so_large_that_the_network_overflows_ask_for_nothing():
     "counts",
     [
         *(np.zeros((1, 6)), 3.0, ["low"] * 6, np.array([None, [1]] * 3, object)),
-        *(np.ones(6, int).astype(kind) for kind in ("complex", "datetime64[s]", "S1")),
+        *([[1.0, 2.0], [3.0]], [1.0, 2.0, 3.0, 4.0, 5.0, [6.0, 7.0]], [None] * 6, "123456", b"123456"),
+        *(np.ones(6, int).astype(kind) for kind in ("complex", "datetime64[s]", "S1", bool, object)),
     ],
 )
 def test_a_sample_of_another_size_or_kind_is_an_error_and_nothing_moves(counts):
@@ -364,6 +444,8 @@ def test_a_goal_that_cannot_be_moved_is_an_error():
         (("down", point, unit), "'down' has ended"),
         (("up", point, unit), "no primitive 'up'"),
         ((3, point, unit), "no primitive 3"),
+        ((1.5, point, unit), "no primitive 1.5"),
+        ((None, point, unit), "no primitive None"),
         (("tilt", np.array([0.0, np.nan, 0.0]), unit), "goal of 'tilt' must be 3 finite numbers"),
         (("tilt", point, 1.1 * unit), "goal orientation of 'tilt' must have norm 1"),
     ):
@@ -391,6 +473,34 @@ def test_nothing_starts_or_ends_outside_the_workspace(point, message):
             ask()
 
 
+def test_nothing_starts_or_ends_far_from_the_demonstrated_orientation():
+    """As in position; the likely cause is a quaternion (x, y, z, w)."""
+    skill = replace(random_skill(np.random.default_rng(22)), workspace=BOX)
+    start, goals = sequence.default_start(skill.primitives), sequence.default_goals(skill.primitives)
+    controller = Controller(skill, RATE)
+
+    def turned(q, degrees):
+        about = np.radians(degrees) * np.array([0.6, 0.0, 0.8])
+        return quaternion.product(quaternion.from_rotation_vector(about), q)
+
+    controller.start(start.position, -turned(start.orientation, 59.0))
+    controller.move_goal(1, goals[1].position, turned(goals[1].orientation, 59.0))
+    before = controller.orientation.copy()
+    last = turned(goals[1].orientation, 61.0)
+    far = [goals[0], PoseGoal(goals[1].position, last), goals[2]]
+    for ask, place, degrees in (
+        (lambda: controller.start(start.position, turned(start.orientation, 61.0)), "at the start", 61),
+        (lambda: controller.start(start.position, np.roll(start.orientation, -1)), "at the start", 175),
+        (lambda: Controller(skill, RATE, goals=far), "goal orientation of 'tilt'", 61),
+        (lambda: controller.move_goal(1, goals[1].position, last), "goal orientation of 'tilt'", 61),
+    ):
+        message = f"({place}) is {degrees} degrees .* more than 60: .* scalar-first \\(w, x, y, z\\)"
+        with pytest.raises(InputError, match=message):
+            ask()
+    np.testing.assert_array_equal(controller.orientation, before)
+    run(controller)
+
+
 UNIT = quaternion.IDENTITY
 
 
@@ -402,6 +512,31 @@ UNIT = quaternion.IDENTITY
         ((np.zeros(3), None), {}, "orientation at the start must be 4 finite numbers"),
         ((POINTS[1], UNIT), {}, r"'down' from .* local frame"),  # there is no way to its goal
         ((), {"rate_hz": 0.0}, "rate of the controller"),
+        *(
+            ((), {"rate_hz": rate}, "rate of the controller must be a number")
+            for rate in ("1000", b"1000", None, True, 300j, [300.0], [[1.0], 2.0], np.array(300, object))
+        ),
+        *(
+            ((), {"rate_hz": rate}, "rate of the controller must be positive, and at most 10000 Hz")
+            for rate in (-300.0, np.nan, np.inf, 1e6, np.ma.masked)
+        ),
+        *(
+            ((), {"durations": [1.0, odd, 1.0]}, "duration of 'tilt' must be a number")
+            for odd in ("1.0", None, True, [1.0], 1j)
+        ),
+        *(
+            ((), {"durations": [1.0, odd, 1.0]}, "duration of 'tilt' must be a tick at least")
+            for odd in (-1.0, np.nan, -np.inf)
+        ),
+        ((), {"durations": [1.0, np.inf, 1.0]}, "more than 10000000 ticks"),
+        ((), {"durations": [1.0, 1e308, 1.0]}, "more than 10000000 ticks"),
+        ((), {"durations": "111"}, "duration of 'down' must be a number"),
+        ((), {"durations": 1.0}, "durations must be one per primitive"),
+        ((), {"goals": [POINTS[0]] * 3}, "goal of 'down' must be a PoseGoal"),
+        ((["0", "0", "0"], UNIT), {}, "position at the start must be 3 finite numbers"),
+        (([0.0, [1.0], 0.0], UNIT), {}, "position at the start must be 3 finite numbers"),
+        ((np.ma.MaskedArray(np.zeros(3), [0, 1, 0]), UNIT), {}, "position at the start must be 3 finite"),
+        ((np.zeros(3), UNIT > 0.5), {}, "orientation at the start must be 4 finite numbers"),
         ((), {"durations": [1.0, 1.0]}, "2 durations for 3 primitives"),
         ((), {"durations": [1.0, 0.0, 1.0]}, "duration of 'tilt' must be a tick at least"),
         ((), {"durations": [1.0, 1e9, 1.0]}, "more than 10000000 ticks"),
@@ -414,6 +549,24 @@ def test_a_run_that_cannot_be_planned_or_started_is_an_error(start, arguments, m
     goals = {"goals": [PoseGoal(POINTS[1], UNIT), *sequence.default_goals(skill.primitives)[1:]]}
     with pytest.raises(InputError, match=message):
         Controller(skill, **({"rate_hz": RATE} | goals | arguments)).start(*start)
+
+
+def test_numbers_of_any_real_type_are_the_same_numbers():
+    skill = random_skill(np.random.default_rng(13))
+    plain = started(Controller(skill, 300.0, [1.0, 2.0, 1.0]))
+    start = sequence.default_start(skill.primitives)
+    for rate, durations in (
+        (np.int16(300), np.array([1, 2, 1], np.uint8)),
+        (np.array(300.0), (1, np.float32(2.0), np.array(1))),
+    ):
+        controller = Controller(skill, rate, durations)
+        controller.start(start.position.tolist(), tuple(start.orientation))
+        for _ in range(20):
+            controller.tick(None)
+        assert controller.time == 19 / 300.0
+    for _ in range(20):
+        plain.tick([300] * 6)
+    np.testing.assert_array_equal(controller.orientation, plain.orientation)
 
 
 def test_nothing_moves_before_the_start():

@@ -93,11 +93,16 @@ def test_all_that_was_demonstrated_is_inside_and_no_more_than_the_margin_around_
 
 
 @pytest.mark.parametrize(
-    ("low", "high"), [(np.ones(3), np.zeros(3)), (np.zeros(3), [1.0, 1.0, np.inf]), (np.zeros(2), np.ones(2))]
+    ("low", "high"),
+    [
+        *((np.ones(3), np.zeros(3)), (np.zeros(3), [1.0, 1.0, np.inf]), (np.zeros(2), np.ones(2))),
+        *((["0"] * 3, ["1"] * 3), (np.zeros(3), [1.0, [1.0], 1.0]), (0.0, 1.0), (None, None)),
+        (np.zeros(3), np.ma.MaskedArray(np.ones(3), [0, 1, 0])),
+    ],
 )
 def test_corners_that_make_no_box_are_an_error(low, high):
     with pytest.raises(InputError, match="a workspace needs a low and a high corner"):
-        Workspace(np.array(low), np.array(high))
+        Workspace(low, high)
 
 
 PROVENANCE = {"bags": {"one.mcap": "ab"}, "parameters": "cd", "version": "0"}

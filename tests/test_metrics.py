@@ -3,7 +3,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 from primitives_movements import quick, rngs
-from scipy.stats import binomtest
+from scipy.stats import binomtest, sem, t
 
 from structlearn.core.metrics import (
     BETTER,
@@ -13,6 +13,7 @@ from structlearn.core.metrics import (
     block_sums,
     blocks,
     drawn_counts,
+    mean_interval,
     nmse,
     pairwise_spread,
     percentiles,
@@ -53,6 +54,21 @@ def test_spread_of_parallel_curves_is_their_mean_distance():
 def test_a_verdict_needs_an_interval_on_one_side_of_zero():
     low, high = np.array([0.1, -0.2, -0.1, 0.0, np.nan]), np.array([0.2, -0.1, 0.1, 0.1, np.nan])
     assert verdict(low, high).tolist() == [BETTER, WORSE, UNDECIDED, UNDECIDED, UNDECIDED]
+
+
+@given(st.integers(2, 40), st.sampled_from([0.5, 0.9, 0.95]), rngs)
+@quick
+def test_the_interval_of_a_mean_is_scipys(count, confidence, rng):
+    samples = rng.normal(3.0, 2.0, count)
+    middle, half = mean_interval(samples, confidence)
+    expected = t.interval(confidence, count - 1, loc=samples.mean(), scale=sem(samples))
+    np.testing.assert_allclose([middle - half, middle + half], expected, rtol=1e-9)
+
+
+def test_a_single_sample_has_no_interval():
+    middle, half = mean_interval(np.array([3.0]))
+    assert middle == 3.0
+    assert np.isnan(half)
 
 
 @given(st.integers(1, 600), st.floats(0, 1))

@@ -9,8 +9,11 @@ from pydantic import ValidationError
 
 from dissertation.obstacles.files import BASELINE, read_baselines, write_baselines
 from dissertation.obstacles.protocol.avoidance_scores import person_data
+from dissertation.obstacles.world import reaching_person
 from dissertation.obstacles.world.reaching_person import (
     FIXED_POINTS,
+    PLAN_POINTS,
+    SIDES,
     AvoiderParameters,
     captured,
     demonstrations,
@@ -99,6 +102,23 @@ def test_the_hand_keeps_its_clearance_when_nothing_varies(shape):
     np.testing.assert_allclose(position[[0, -1]], [SCENE.start, SCENE.goal], atol=1e-9)
     acceleration = np.gradient(np.gradient(position, time, axis=0), time, axis=0)
     assert np.abs(acceleration[[2, -3]]).max() < 0.02 * np.abs(acceleration).max()  # rest at both ends
+
+
+@pytest.mark.parametrize("along", [0.2, 0.3, 0.5, 0.8])
+def test_the_first_detour_leads_through_its_via_point(along, monkeypatch):
+    """Wherever along the reach it is; what the descent corrects afterwards is not needed there."""
+    monkeypatch.setattr(reaching_person, "DESCENT_STEPS", 0)
+    progress = np.linspace(0.0, 1.0, PLAN_POINTS)
+    reach, clearance = SCENE.goal - SCENE.start, 0.02
+    plan = SCENE.start + progress[:, None] * reach
+    solid = obstacle("sphere", SCENE.start + along * reach + 0.01 * AXES[:, 1])
+    middle = solid.signed_distance(plan).argmin()
+    (bent,) = reaching_person._avoiding(
+        plan[None], solid, np.array([clearance]), AXES, person(indecision_m=0), np.zeros((1, SIDES))
+    )
+    cleared = solid.signed_distance(bent[middle])
+    assert solid.signed_distance(plan[middle]) < 0.0
+    assert clearance <= cleared < clearance + 0.005 + 1e-9  # candidates are 5 mm apart
 
 
 def test_a_far_obstacle_changes_nothing():

@@ -109,6 +109,21 @@ def test_scaled_axes_keep_their_shape_for_any_distance(rng):
     )
 
 
+@for_rngs
+def test_reaches_of_different_distances_are_one_primitive_of_the_mean_distance(rng):
+    shape = reach(rng, np.zeros(2), np.array([1.0, 0.5]), detour=0.05)
+    distances = np.array([0.4, 1.0, 2.2])
+    demonstrations = [
+        replace(shape, **{name: d * getattr(shape, name) for name in SIGNALS}) for d in distances
+    ]
+    primitive = fit_vector(demonstrations, scaled=[True, True])
+    for distance in (*distances, distances.mean()):
+        state = {name: distance * getattr(shape, name)[0] for name in SIGNALS[1:]}
+        start, goal = distance * shape.position[[0, -1]]
+        path = primitive.unroll(DT, start, goal, **state)
+        assert normalised_error(path.position, distance * shape.position) < 1e-6
+
+
 def test_an_axis_that_hardly_moves_is_never_scaled():
     found = relative_scale(np.full(3, 3.0), np.array([1e-4, 2.0, 2.0]), np.array([True, True, False]))
     np.testing.assert_array_equal(found, [1.0, 1.5, 1.0])

@@ -167,6 +167,16 @@ def test_a_public_set_that_is_not_there_is_missing(tmp_path, read, complaint):
         read(tmp_path)
 
 
+def test_each_reading_of_the_skin_has_the_state_nearest_to_it(tmp_path):
+    """Readings and states differ in number: some states have no reading, one has two."""
+    states = [(time, 10 * time, 1, -time, 100 * time) for time in range(6)]
+    write_skin(tmp_path, eflesh.STROKES, "a", states, (0.8, 1.3, 3.9, 4.6))
+    (log,) = eflesh.read_runs(tmp_path, eflesh.STROKES)
+    rows = np.array([1, 1, 4, 5])
+    np.testing.assert_allclose(log.place, 1e-3 * np.column_stack([10 * rows, np.ones(4), -rows]))
+    np.testing.assert_allclose(log.force, 0.1 * eflesh.STANDARD_GRAVITY * rows)
+
+
 def test_columns_of_clmc(tmp_path):
     write_clmc(tmp_path)
     recordings = clmc.read_reaches(tmp_path)

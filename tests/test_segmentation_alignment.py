@@ -79,6 +79,19 @@ def test_motion_outside_of_what_surrounds_a_primitive_does_not_count(bound, outs
     assert found(path).alignments != found(other).alignments
 
 
+@pytest.mark.parametrize("downsampling", [1, 2, 5])
+def test_delay_and_pairs_count_in_samples_of_the_recording(downsampling):
+    """Whatever the down-sampling, and though both crossings are at the same samples."""
+    parameters = PARAMETERS.model_copy(update={"extension_s": 1.0, "downsampling": downsampling})
+    time, crossing = np.arange(500.0), Crossing(150, 350, 0, 499)
+    paths = [np.tanh((time[:, None] - delay - [230.0, 260.0]) / 10.0) for delay in (0.0, 25.0)]
+    found = refine(*(Movement(0.01, path, np.gradient(path, axis=0), crossing) for path in paths), parameters)
+    alignment = found.alignments["wls_published"]
+    assert alignment.time_scale * 245.0 + alignment.delay == pytest.approx(270.0, abs=4.0)
+    assert ((found.pairs - 50) % downsampling == 0).all()
+    np.testing.assert_allclose(found.pairs[[0, -1]], [[50, 50], [450, 450]], atol=downsampling)
+
+
 def bell(samples: int = 400, centre: float = 200, width: float = 40) -> np.ndarray:
     return np.exp(-0.5 * ((np.arange(samples) - centre) / width) ** 2)
 

@@ -1,5 +1,7 @@
 """Closed loops of touch: kinematics against closed forms, an ideal controller, scores, variants."""
 
+from dataclasses import replace
+
 import numpy as np
 import pandas as pd
 import pytest
@@ -92,6 +94,23 @@ def test_scores_of_a_straight_approach():
     course = servo_scores.progress(found, target, SCENE, TOLERANCE)
     assert (np.diff(course["median_mm"]) < 0).all()
     assert course["within"].iloc[-1] == 1
+
+
+def test_errors_of_pressure_and_load_are_relative_to_the_target():
+    target = held([-0.006, 0.0, 1.0])
+    found = run(Steady(np.zeros(6)), target, target, 0.5)
+    judged = round(TOLERANCE.judged_s * SCENE.sample_hz)
+    wanted, count = target.signals[-judged:].mean(axis=(0, 2)), found.signals.shape
+    for factor in (0.5, 1.25, 2.0):
+        signals = np.broadcast_to(factor * wanted[:, None], count)
+        pressed = replace(
+            found, signals=signals, load=factor * np.broadcast_to(target.contact.load, count[:2])
+        )
+        _, pressure = servo_scores.errors(pressed, target, judged)
+        np.testing.assert_allclose(pressure, abs(factor - 1.0))
+        scores = servo_scores.scored(pressed, target, target, SCENE, TOLERANCE).iloc[0]
+        assert scores["pressure_error"] == pytest.approx(abs(factor - 1.0))
+        assert scores["load_error"] == pytest.approx(abs(factor - 1.0))
 
 
 def test_trials_of_one_model_are_those_of_another():

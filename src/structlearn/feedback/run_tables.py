@@ -11,10 +11,10 @@ from structlearn.core.frames import local_frame
 from structlearn.feedback.controller_tick import Plan
 from structlearn.feedback.coupling import AXES
 from structlearn.feedback.coupling_model import CouplingModel
-from structlearn.feedback.skill import ReactiveSkill
+from structlearn.feedback.skill import ReactiveSkill, real_numbers
 from structlearn.primitives import canonical, kernels, transformation
 from structlearn.primitives.orientation import QuaternionPrimitive
-from structlearn.primitives.sequence import PoseGoal, default_goals
+from structlearn.primitives.sequence import PoseGoal, default_goals, default_start
 from structlearn.primitives.vector import relative_scale, sample_count
 
 Place = tuple[int, int]  # index of the primitive, index of the axis
@@ -26,7 +26,15 @@ HELD_DURATIONS = 4.0
 MOST_TICKS = 10**7
 """Most ticks of a run, all planned ahead: almost three hours at 1 kHz; more suggests a unit error."""
 
+MOST_HZ = 1e4
+"""Highest rate of a controller: ten times a usual robot's, with a tick planned ahead for each of its periods;
+more suggests a unit error."""
+
 UNIT_TOLERANCE = 1e-6  # largest deviation of a quaternion's norm from 1
+
+FARTHEST_TURN_DEG = 60.0
+"""Largest angle between a start or goal and the demonstrations' mean, for skills with a workspace: corrected
+demonstrations differ by less, and beyond half a circle a primitive would turn the other way round."""
 
 
 def plan_in_time(
@@ -143,35 +151,51 @@ def end_state(forcing: np.ndarray, dt: float, tau: float, state: Point, goal: np
     return path.position[-1], path.velocity[-1], path.acceleration[-1]
 
 
-def checked_durations(skill: ReactiveSkill, durations: Sequence[float] | None, dt: float) -> Sequence[float]:
+def checked_rate(rate_hz: float) -> float:
+    """A rate in Hz. Raises InputError: not a number, not positive, or above `MOST_HZ`."""
+    rate = float(real_numbers(rate_hz, (), "the rate of the controller must be a number"))
+    if not 0.0 < rate <= MOST_HZ:
+        raise InputError(
+            f"the rate of the controller must be positive, and at most {MOST_HZ:g} Hz, is {rate:g} Hz"
+        )
+    return rate
+
+
+def checked_durations(skill: ReactiveSkill, durations: Sequence[float] | None, dt: float) -> list[float]:
     """Durations in s, one per primitive; default: the demonstrations' means.
 
-    Raises InputError: wrong number, shorter than a tick or infinite, or more than `MOST_TICKS` in total.
+    Raises InputError: wrong number, not numbers, shorter than a tick, or more than `MOST_TICKS` in total.
     """
     if durations is None:
         durations = [primitive.duration for primitive in skill.primitives]
-    for name, duration in _of_primitives(skill, durations, "durations"):
-        if not (np.isfinite(duration) and sample_count(max(duration, 0.0), dt) >= 2):
+    found = []
+    for name, value in _of_primitives(skill, durations, "durations"):
+        duration = float(real_numbers(value, (), f"the duration of '{name}' must be a number"))
+        if not duration / dt > 0.5:  # else it has one sample
             raise InputError(f"the duration of '{name}' must be a tick at least, is {duration} s")
-    if sum(durations) > MOST_TICKS * dt:
+        found.append(duration)
+    if sum(found) > MOST_TICKS * dt:
         raise InputError(
-            f"the run would have more than {MOST_TICKS} ticks: {sum(durations):g} s at {1 / dt:g} Hz"
+            f"the run would have more than {MOST_TICKS} ticks: {sum(found):g} s at {1 / dt:g} Hz"
         )
-    return durations
+    return found
 
 
 def checked_goals(skill: ReactiveSkill, goals: Sequence[PoseGoal] | None) -> list[PoseGoal]:
     """Goals, one per primitive; default: the demonstrations' means, with identity if nothing turns.
 
-    Raises InputError: wrong number, a value that is not finite, a position outside the workspace, or a
-    quaternion without unit norm.
+    Raises InputError: wrong number, not a `PoseGoal`, a value that is not finite, a position outside the
+    workspace, or a quaternion as in `checked_unit`.
     """
     found = []
     goals = default_goals(skill.primitives) if goals is None else goals
-    turned = [primitive.orientation is not None for primitive in skill.primitives]
-    for (name, goal), turns in zip(_of_primitives(skill, goals, "goals"), turned, strict=True):
+    for index, (name, goal) in enumerate(_of_primitives(skill, goals, "goals")):
+        if not isinstance(goal, PoseGoal):
+            raise InputError(f"the goal of '{name}' must be a PoseGoal, is {goal!r}")
         position = checked_point(skill, goal.position, f"the goal of '{name}'")
-        found.append(PoseGoal(position, unit_goal(goal.orientation, name) if turns else quaternion.IDENTITY))
+        turns = skill.primitives[index].orientation is not None
+        turned = checked_goal_orientation(skill, goal.orientation, index) if turns else quaternion.IDENTITY
+        found.append(PoseGoal(position, turned))
     return found
 
 
@@ -183,31 +207,53 @@ def checked_point(skill: ReactiveSkill, position: np.ndarray, what: str) -> np.n
     return point
 
 
-def unit_goal(orientation: np.ndarray | None, name: str) -> np.ndarray:
+def checked_start_orientation(skill: ReactiveSkill, orientation: np.ndarray | None) -> np.ndarray:
+    """The normalised orientation (4,) at the start of a run. Raises InputError as `checked_unit`."""
+    demonstrated = default_start(skill.primitives).orientation
+    return checked_unit(skill, orientation, demonstrated, "the orientation at the start")
+
+
+def checked_goal_orientation(skill: ReactiveSkill, orientation: np.ndarray | None, index: int) -> np.ndarray:
     """The normalised goal orientation (4,) of a primitive. Raises InputError as `checked_unit`."""
-    return quaternion.normalised(checked_unit(orientation, f"the goal orientation of '{name}'"))
+    name, demonstrated = skill.primitives[index].name, default_goals(skill.primitives)[index].orientation
+    return checked_unit(skill, orientation, demonstrated, f"the goal orientation of '{name}'")
 
 
-def checked_unit(values: np.ndarray | None, what: str) -> np.ndarray:
-    """A quaternion (4,). Raises InputError: not finite, or its norm is not 1."""
+def checked_unit(
+    skill: ReactiveSkill, values: np.ndarray | None, demonstrated: np.ndarray | None, what: str
+) -> np.ndarray:
+    """A normalised quaternion (4,); `demonstrated`: the mean one, if there is one.
+
+    Raises InputError: not finite, its norm is not 1, or, with a workspace, it is more than
+    `FARTHEST_TURN_DEG` from the demonstrated one.
+    """
     array = _finite(values, 4, what)
     if abs(np.linalg.norm(array) - 1.0) > UNIT_TOLERANCE:
         raise InputError(f"{what} must have norm 1, has {np.linalg.norm(array):.6g}")
-    return array
+    if skill.workspace is not None and demonstrated is not None:
+        angle = np.degrees(quaternion.angle_between(array, demonstrated))
+        if angle > FARTHEST_TURN_DEG:
+            raise InputError(
+                f"{what} is {angle:.3g} degrees from the demonstrations' mean, more than "
+                f"{FARTHEST_TURN_DEG:g}: is the quaternion scalar-first (w, x, y, z)?"
+            )
+    return quaternion.normalised(array)
 
 
 def _finite(values: np.ndarray | None, size: int, what: str) -> np.ndarray:
-    try:
-        array = np.asarray(values, dtype=float)
-    except (TypeError, ValueError) as error:
-        raise InputError(f"{what} must be {size} numbers, is {values!r}") from error
-    if array.shape != (size,) or not np.isfinite(array).all():
-        raise InputError(f"{what} must be {size} finite numbers, is {array}")
+    rule = f"{what} must be {size} finite numbers"
+    array = real_numbers(values, (size,), rule).astype(float)
+    if not np.isfinite(array).all():
+        raise InputError(f"{rule}, is {array}")
     return array
 
 
 def _of_primitives(skill: ReactiveSkill, values: Sequence, what: str) -> list[tuple[str, Any]]:
     """Pairs (name of the primitive, value). Raises InputError: wrong number of values."""
+    try:
+        values = list(values)
+    except TypeError as error:
+        raise InputError(f"{what} must be one per primitive, are {values!r}") from error
     if len(values) != len(skill.primitives):
         raise InputError(f"there are {len(values)} {what} for {len(skill.primitives)} primitives")
     return [(primitive.name, value) for primitive, value in zip(skill.primitives, values, strict=True)]

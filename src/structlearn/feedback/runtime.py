@@ -20,7 +20,7 @@ import numpy as np
 from structlearn.core import quaternion
 from structlearn.core.errors import InputError
 from structlearn.feedback import controller_tick, run_tables
-from structlearn.feedback.skill import ReactiveSkill
+from structlearn.feedback.skill import ReactiveSkill, real_numbers
 from structlearn.primitives import canonical
 from structlearn.primitives.sequence import PoseGoal
 from structlearn.primitives.transformation import ALPHA, BETA
@@ -41,7 +41,7 @@ class Status(IntFlag):
 
 
 class Controller:
-    """Controller of a skill, for any number of runs.
+    """Controller of a skill, for any number of runs. Copies, also pickled ones, continue on their own.
 
     Outputs, valid after `start` and after each tick, are read-only views of the state: the arrays stay the
     same for the controller's lifetime and are overwritten by the next tick.
@@ -71,12 +71,11 @@ class Controller:
         keeps the coupling terms at 0; deviations are still reported. Raises InputError: the rate, a duration
         or a goal is invalid, or a goal is outside the skill's workspace.
         """
-        if not (np.isfinite(rate_hz) and rate_hz > 0):
-            raise InputError(f"the rate of the controller must be positive, is {rate_hz} Hz")
-        self.skill, self.rate_hz = skill, float(rate_hz)
+        self.skill, self.rate_hz = skill, run_tables.checked_rate(rate_hz)
         self._dt = 1.0 / self.rate_hz
         durations = run_tables.checked_durations(skill, durations, self._dt)
         checked = run_tables.checked_goals(skill, goals)
+        self._planned = skill, self.rate_hz, durations, checked, feedback
         self._plan = run_tables.plan_in_time(skill, self.rate_hz, durations, checked, feedback)
         self._goals = self._plan.position_goal.copy(), self._plan.orientation_goal.copy()
         self._last_tick = sum(sample_count(duration, self._dt) - 1 for duration in durations)
@@ -89,18 +88,35 @@ class Controller:
         self.orientation = _read_only(self._state.orientation[0, 0])
         self.deviation, self.coupling = _read_only(self._state.deviation), _read_only(self._state.coupling)
 
+    def __getstate__(self) -> tuple[tuple, list[np.ndarray], bool]:
+        """Enough to plan and continue the run elsewhere: addresses of compiled functions hold here only."""
+        return self._planned, self._arrays(), self._started
+
+    def __setstate__(self, kept: tuple[tuple, list[np.ndarray], bool]) -> None:
+        """Continue a run; copies and unpickled controllers are independent of the original."""
+        planned, arrays, started = kept
+        Controller.__init__(self, *planned)
+        for own, array in zip(self._arrays(), arrays, strict=True):
+            own[:] = array
+        self._started = started
+
+    def _arrays(self) -> list[np.ndarray]:
+        """Everything that does not follow from the arguments of the constructor alone, to the last bit."""
+        plan = self._plan
+        return [plan.position_forcing, plan.position_goal, plan.orientation_goal, *self._goals, *self._state]
+
     def start(self, position: np.ndarray, orientation: np.ndarray | None = None) -> None:
         """Begin a run at rest, to the controller's goals; also compiles the functions that ticks call.
 
-        `position`: (3,) m. `orientation`: (4,) unit quaternion; may be omitted if no primitive has
-        orientations. Raises InputError: the pose is not finite, outside the skill's workspace or no unit
-        quaternion, or a reach has no direction.
+        `position`: (3,) m. `orientation`: (4,) unit quaternion (w, x, y, z); may be omitted if no primitive
+        has orientations. Raises InputError: the pose is not finite, outside the skill's workspace, far from
+        the demonstrated orientation or no unit quaternion, or a reach has no direction.
         """
         plan, state = self._plan, self._state
         position = run_tables.checked_point(self.skill, position, "the position at the start")
         turned = self.skill.primitives[0].orientation is not None
         if turned or orientation is not None:
-            orientation = run_tables.checked_unit(orientation, "the orientation at the start")
+            orientation = run_tables.checked_start_orientation(self.skill, orientation)
         else:
             orientation = quaternion.IDENTITY
         at_rest = (position, np.zeros(3), np.zeros(3))
@@ -112,7 +128,7 @@ class Controller:
         for array in (state.clock, state.path, state.turning, state.zero, state.good, state.coupling):
             array[:] = 0
         state.path[0, 0, 0] = position
-        state.orientation[0, 0] = quaternion.normalised(orientation)
+        state.orientation[0, 0] = orientation
         controller_tick.begin(*self._arguments, 0)
         before = {name: array.copy() for name, array in state._asdict().items()}
         controller_tick.tick(*self._arguments, False)
@@ -123,11 +139,12 @@ class Controller:
     def tick(self, counts: np.ndarray | None) -> int:
         """Advance to the next sample of the run; the first tick outputs the start itself.
 
-        `counts`: (E,) the sensor's newest sample, if there is one since the last tick, else None. Ignored
-        without expected traces (E = 0). Returns flags, see `Status`.
+        `counts`: (E,) the sensor's newest sample, if there is one since the last tick, else None. A sample
+        with NaN, or with a masked channel, is rejected. Ignored without expected traces (E = 0). Returns
+        flags, see `Status`.
 
         Raises:
-            InputError: counts have another size or are not numeric; the state is unchanged.
+            InputError: counts have another size or are not real numbers; the state is unchanged.
             RuntimeError: the run has not been started.
         """
         if not self._started:
@@ -135,16 +152,8 @@ class Controller:
         fresh = False
         if counts is not None and len(self._sample) > 0:
             fresh = True
-            if np.shape(counts) != self._sample.shape:
-                raise InputError(
-                    f"a sensor sample has {len(self._sample)} channels, got shape {np.shape(counts)}"
-                )
-            try:
-                np.copyto(
-                    self._sample, counts, casting="same_kind"
-                )  # any real type; compiled code sees float64
-            except (TypeError, ValueError) as error:
-                raise InputError(f"a sensor sample has {len(self._sample)} numbers: {error}") from error
+            rule = f"a sensor sample has {len(self._sample)} numbers"
+            self._sample[:] = real_numbers(counts, self._sample.shape, rule)
         return controller_tick.tick(*self._arguments, fresh)
 
     def move_goal(
@@ -171,7 +180,9 @@ class Controller:
             raise InputError(f"'{name}' has ended, its goal cannot be moved")
         position = run_tables.checked_point(self.skill, position, f"the goal of '{name}'")
         old, old_turned = plan.position_goal[index].copy(), plan.orientation_goal[index].copy()
-        turned = old_turned if orientation is None else run_tables.unit_goal(orientation, name)
+        turned = old_turned
+        if orientation is not None:
+            turned = run_tables.checked_goal_orientation(self.skill, orientation, index)
         goals = plan.position_goal.copy()
         goals[index] = position
         following = run_tables.end_state(
@@ -201,6 +212,8 @@ class Controller:
     @property
     def compiled(self) -> tuple[tuple, tuple]:
         """Plan and state in the form of `controller_tick.tick`, for loops that are compiled as a whole.
+
+        The plan has addresses of compiled functions: it is good for this process only.
 
         Raises RuntimeError: the run has not been started.
         """

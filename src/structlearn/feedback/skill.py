@@ -6,7 +6,7 @@ Each dimension of a coupling term has its own network of the same sensors (IV.6.
 
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
-from typing import Annotated
+from typing import Annotated, Any
 
 import numpy as np
 from pydantic import Field
@@ -89,9 +89,10 @@ class Workspace:
     high: np.ndarray  # (3,) m
 
     def __post_init__(self) -> None:
-        corners = np.array([self.low, self.high], dtype=float)
-        if corners.shape != (2, 3) or not np.isfinite(corners).all() or not (corners[0] < corners[1]).all():
-            raise InputError(f"a workspace needs a low and a high corner, has {self.low} and {self.high}")
+        rule = "a workspace needs a low and a high corner"
+        low, high = (real_numbers(corner, (3,), rule) for corner in (self.low, self.high))
+        if not (np.isfinite([low, high]).all() and (low < high).all()):
+            raise InputError(f"{rule}, has {self.low} and {self.high}")
 
     def require(self, point: np.ndarray, what: str) -> None:
         """Raise InputError, naming axes and distances, if a point (3,) is outside."""
@@ -178,9 +179,25 @@ class ReactiveSkill:
         names = [part.name for part in self.primitives]
         if primitive in names:
             return names.index(primitive)
-        if isinstance(primitive, str) or not 0 <= primitive < len(names):
+        if not isinstance(primitive, int | np.integer) or not 0 <= primitive < len(names):
             raise InputError(f"there is no primitive {primitive!r} among {', '.join(names)}")
         return primitive
+
+
+def real_numbers(values: Any, shape: tuple[int, ...], rule: str) -> np.ndarray:
+    """Real numbers of a shape, NaN where a masked array is masked.
+
+    Raises InputError, beginning with the rule: another shape, or anything else, e.g. text or bool.
+    """
+    try:
+        array = np.asanyarray(values)
+    except (TypeError, ValueError) as error:  # e.g. lists of differing lengths
+        raise InputError(f"{rule}: {error}") from error
+    if array.shape != shape:
+        raise InputError(f"{rule}, got shape {array.shape}")
+    if array.dtype.kind not in "iuf":
+        raise InputError(f"{rule}, is {values!r}")
+    return np.ma.filled(array.astype(float), np.nan) if isinstance(array, np.ma.MaskedArray) else array
 
 
 def demonstrated_workspace(paths: Iterable[np.ndarray], margin_m: float) -> Workspace:
