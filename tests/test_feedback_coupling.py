@@ -13,8 +13,8 @@ from structlearn.core.errors import InputError
 from structlearn.feedback.corrected_paths import corrected_paths, coupling_response, split, unrolled_error
 from structlearn.feedback.coupling import orientation_target, position_target
 from structlearn.feedback.coupling_dataset import CouplingDataset, concatenated
-from structlearn.feedback.coupling_model import UnrolledTrainingParameters
-from structlearn.feedback.stacked_pmnn import StackedPhaseModulatedNetworks, train_unrolled
+from structlearn.feedback.trainers import UnrolledTrainingParameters
+from structlearn.feedback.training.pmnn import StackedPhaseModulatedNetworks, train_unrolled
 from structlearn.primitives import canonical, transformation
 from structlearn.primitives.orientation import fit_quaternion
 from structlearn.primitives.trajectory import OrientationTrajectory

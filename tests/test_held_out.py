@@ -57,7 +57,7 @@ from dissertation.scraping.protocol.feedback_models import (
     LEVEL,
     POINTWISE,
     UNROLLED,
-    FeedbackParameters,
+    FinalModelParameters,
     compare_representations,
     train_models,
 )
@@ -75,7 +75,7 @@ from structlearn.feedback.coupling_dataset import (
     to_table,
     without_generalization,
 )
-from structlearn.feedback.coupling_model import TrainingParameters
+from structlearn.feedback.trainers import TrainingParameters
 from structlearn.primitives import fitting
 from structlearn.primitives.fitting import FitParameters, cross_validation
 from structlearn.primitives.position import fit_position
@@ -282,7 +282,7 @@ def slides_left_out(monkeypatch, tmp_path):
 # --- feedback ----------------------------------------------------------------------------------------------
 
 FEEDBACK = committed(
-    FeedbackParameters,
+    FinalModelParameters,
     "train_feedback",
     hidden=(4,),
     pointwise={"steps": 20, "evaluate_every": 10},

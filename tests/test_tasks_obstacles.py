@@ -22,7 +22,7 @@ from structlearn.avoidance.scene_reaches import SceneLearningParameters, reaches
 from structlearn.core.errors import InputError, MissingInputError
 from structlearn.core.metrics import wilson_interval
 from structlearn.core.minimum_jerk import progress
-from structlearn.feedback.coupling_model import TrainingParameters
+from structlearn.feedback.trainers import TrainingParameters
 from structlearn.primitives import canonical, kernels
 from structlearn.primitives.position import fit_position
 from structlearn.readers.demonstration import Demonstration, NamedShape

@@ -34,7 +34,7 @@ from structlearn.core.errors import MissingInputError
 from structlearn.core.metrics import mean_interval, nmse
 from structlearn.core.parallel import parallel_map
 from structlearn.core.params import Parameters
-from structlearn.feedback.coupling_model import TrainingParameters
+from structlearn.feedback.trainers import TrainingParameters
 from structlearn.readers.demonstration import Demonstration
 
 

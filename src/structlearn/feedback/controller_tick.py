@@ -10,7 +10,7 @@ from typing import NamedTuple
 import numpy as np
 
 from structlearn.core.compilation import numba
-from structlearn.feedback.coupling_model import evaluate
+from structlearn.core.compiled_calls import call
 from structlearn.primitives import orientation, transformation
 from structlearn.primitives.vector import OFFSET_SAMPLES
 
@@ -42,7 +42,7 @@ class Plan(NamedTuple):
     sizes: np.ndarray  # (P, D, S), see `coupling_model.Compiled`
     values: np.ndarray  # (P, D, V), likewise
     memory: np.ndarray  # (P, D) number of values they remember
-    table: np.ndarray  # (R, D, K) `CouplingModel.table`
+    time_features: np.ndarray  # (R, D, K) `CouplingModel.time_features`
     limits: np.ndarray  # (2, D) bounds of the coupling, and of its change per tick
     ages: np.ndarray  # (2,) ticks until the offset must be known, and until a sample is stale
 
@@ -96,7 +96,7 @@ def no_plan() -> tuple[tuple, tuple]:
     shapes |= {"rows": (1,), "tau": (0,), "axes": (0,), "ages": (2,)}
     shapes |= {"matrix": (0, 3, 5), "position_goal": (0, 3), "orientation_goal": (0, 4), "limits": (2, 0)}
     shapes |= {"position_forcing": (0, 3), "orientation_forcing": (0, 3)}
-    shapes |= dict.fromkeys(("sizes", "values", "table"), (0, 0, 0))
+    shapes |= dict.fromkeys(("sizes", "values", "time_features"), (0, 0, 0))
     whole = {"rows", "axes", "kernels", "inputs", "sizes", "memory", "ages"}
     plan = Plan(
         **{name: np.zeros(shapes[name], np.int64 if name in whole else float) for name in Plan._fields}
@@ -218,7 +218,7 @@ def _coupling(plan: Plan, state: State, row: int, primitive: int, place: int, se
     if kernel == 0 or (plan.inputs[primitive, place] > 0 and blind):
         return 0.0
     sizes, values = plan.sizes[primitive, place], plan.values[primitive, place]
-    return evaluate(kernel, sizes, values, plan.table[row, place], state.deviation, state.memory[place])
+    return call(kernel, sizes, values, plan.time_features[row, place], state.deviation, state.memory[place])
 
 
 @_part_of_a_tick
