@@ -83,7 +83,7 @@ def plan_in_time(
         expected=expected,
         axes=np.array([AXES.index(axis) for axis in axes], dtype=np.int64),
         limits=limits.of(axes, dt),
-        ages=np.array([round(limits.offset_within_s * rate_hz), round(limits.stale_after_s * rate_hz)]),
+        timeouts=np.array([round(limits.offset_within_s * rate_hz), round(limits.stale_after_s * rate_hz)]),
         **compiled_networks(networks, phases, len(axes)),
     )
 
