@@ -20,7 +20,8 @@ from structlearn.feedback.coupling_model import (
     write_networks,
 )
 from structlearn.feedback.runtime import Controller
-from structlearn.feedback.skill import Limits
+from structlearn.feedback.skill import Limits, Workspace
+from structlearn.feedback.skill_file import read_skill, write_skill
 from structlearn.feedback.trainers import TrainingParameters, named_trainer
 from structlearn.primitives import canonical
 
@@ -52,6 +53,18 @@ def test_a_stored_network_is_the_same_bit_for_bit(trained, tmp_path):
         seen = DATA.deviation, DATA.phase, DATA.phase_velocity
         np.testing.assert_array_equal(found.coupling(*seen), network.coupling(*seen))
         assert named_model(type(network).__module__.rpartition(".")[2]) is type(network) is type(found)
+
+
+def test_a_skill_holds_it(trained, tmp_path):
+    """By the name of its module, without the code that trained it."""
+    network = trained[0].models["validation"]
+    skill = random_skill(np.random.default_rng(0), {"tilt": {"rx": network}})
+    corners = np.full(3, -1.0), np.full(3, 1.0)
+    write_skill(replace(skill, workspace=Workspace(*corners)), tmp_path / "s.safetensors", {})
+    again = read_skill(tmp_path / "s.safetensors").networks["tilt"]["rx"]
+    assert type(again) is type(network)
+    for name, array in network.arrays().items():
+        np.testing.assert_array_equal(again.arrays()[name], array)
 
 
 @kernel

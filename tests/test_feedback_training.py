@@ -14,6 +14,7 @@ from structlearn.core.metrics import nmse
 from structlearn.feedback import coupling_model
 from structlearn.feedback import supervised_training as supervised
 from structlearn.feedback.coupling_dataset import leave_one_out
+from structlearn.feedback.models.pmnn import coupling_term
 from structlearn.feedback.trainers import TrainingParameters, train_final
 from structlearn.feedback.training.pmnn import StackedPhaseModulatedNetworks
 from structlearn.networks.torch_settings import Adam, RootMeanSquarePropagation, as_tensor, seeded
@@ -238,7 +239,7 @@ def by_hand(network, deviation, modulation):
 
 @pytest.mark.parametrize("sizes", [(), (7,), (6, 3), (100,)])
 @pytest.mark.parametrize("scale", [1.0, 1e6])
-def test_coupling_is_the_equation_node_by_node(sizes, scale):
+def test_kernel_and_reference_are_the_equation_node_by_node(sizes, scale):
     """Also where layers saturate."""
     rng = np.random.default_rng(1)
     network = random_network(rng, INPUTS, sizes, FEW_KERNELS)
@@ -250,6 +251,8 @@ def test_coupling_is_the_equation_node_by_node(sizes, scale):
     for index in np.ndindex(2, 3):
         expected = by_hand(network, deviation[index], modulation[index[1]])
         np.testing.assert_allclose(found[index], expected, rtol=1e-11)
+        sample = deviation[index], *(values[index[1]] for values in phase)
+        np.testing.assert_allclose(coupling_term(network, *sample), expected, rtol=1e-11)
         one = network.coupling(deviation[index], phase[0][index[1]], phase[1][index[1]])
         assert one.shape == ()
         np.testing.assert_allclose(one, expected, rtol=1e-11)
