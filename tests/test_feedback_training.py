@@ -14,9 +14,9 @@ from structlearn.core.metrics import nmse
 from structlearn.feedback import coupling_model
 from structlearn.feedback import supervised_training as supervised
 from structlearn.feedback.coupling_dataset import leave_one_out
-from structlearn.feedback.coupling_model import TrainingParameters, train_final
-from structlearn.feedback.models.pmnn import PhaseModulatedNetwork
-from structlearn.feedback.stacked_pmnn import StackedPhaseModulatedNetworks
+from structlearn.feedback.models.pmnn import coupling_term
+from structlearn.feedback.trainers import TrainingParameters, train_final
+from structlearn.feedback.training.pmnn import StackedPhaseModulatedNetworks
 from structlearn.networks.torch_settings import Adam, RootMeanSquarePropagation, as_tensor, seeded
 from structlearn.primitives import canonical, kernels
 
@@ -46,7 +46,7 @@ def test_a_known_coupling_is_learnt_and_exported():
     parameters = committed(
         TrainingParameters, "compare_models", steps=800, evaluate_every=200, dropout=0.1, learning_rate=3e-3
     )
-    network = train_final(PhaseModulatedNetwork, data, parameters, (40,))
+    network = train_final("pmnn", data, parameters, (40,))
     phase = data.phase, data.phase_velocity
     assert nmse(network.coupling(data.deviation, *phase), data.target) < 0.1
     assert network.phase_weights.dtype == np.float64
@@ -107,8 +107,8 @@ def test_a_step_is_that_of_torch_on_every_tensor(own, of_torch, tolerance):
 def test_training_is_deterministic_and_leaves_the_number_of_threads():
     data = toy_dataset()
     threads = torch.get_num_threads()
-    first, second = (train_final(PhaseModulatedNetwork, data, QUICK, (100,)) for _ in range(2))
-    other = train_final(PhaseModulatedNetwork, data, QUICK.model_copy(update={"seed": 1}), (100,))
+    first, second = (train_final("pmnn", data, QUICK, (100,)) for _ in range(2))
+    other = train_final("pmnn", data, QUICK.model_copy(update={"seed": 1}), (100,))
     np.testing.assert_array_equal(first.phase_weights, second.phase_weights)
     assert not np.array_equal(first.phase_weights, other.phase_weights)
     assert torch.get_num_threads() == threads
@@ -151,9 +151,9 @@ def test_steps_that_diverged_are_never_chosen(monkeypatch):
 
 def test_training_goes_on_from_a_given_network():
     data = toy_dataset()
-    initial = train_final(PhaseModulatedNetwork, data, QUICK, (100,))
+    initial = train_final("pmnn", data, QUICK, (100,))
     still = QUICK.model_copy(update={"learning_rate": 1e-12})
-    found = train_final(PhaseModulatedNetwork, data, still, initial=initial)
+    found = train_final("pmnn", data, still, initial=initial)
     seen = data.deviation, data.phase, data.phase_velocity
     np.testing.assert_array_equal(found.input_mean, initial.input_mean)
     np.testing.assert_allclose(found.coupling(*seen), initial.coupling(*seen), atol=1e-3)
@@ -179,7 +179,7 @@ def test_all_channels_share_one_scale_and_its_unit_does_not_matter():
 def test_bad_input_is_named():
     data = toy_dataset()
     with pytest.raises(InputError, match="the coupling target is constant"):
-        train_final(PhaseModulatedNetwork, dataclasses.replace(data, target=0.0 * data.target), QUICK)
+        train_final("pmnn", dataclasses.replace(data, target=0.0 * data.target), QUICK)
 
 
 MODELS, CHANNELS, BATCH, KERNELS = 3, 4, 50, 25
@@ -246,7 +246,7 @@ def by_hand(network, deviation, modulation):
 
 @pytest.mark.parametrize("sizes", [(), (7,), (6, 3), (100,)])
 @pytest.mark.parametrize("scale", [1.0, 1e6])
-def test_coupling_is_the_equation_node_by_node(sizes, scale):
+def test_kernel_and_reference_are_the_equation_node_by_node(sizes, scale):
     """Also where layers saturate."""
     rng = np.random.default_rng(1)
     network = random_network(rng, INPUTS, sizes, FEW_KERNELS)
@@ -258,6 +258,8 @@ def test_coupling_is_the_equation_node_by_node(sizes, scale):
     for index in np.ndindex(2, 3):
         expected = by_hand(network, deviation[index], modulation[index[1]])
         np.testing.assert_allclose(found[index], expected, rtol=1e-11)
+        sample = deviation[index], *(values[index[1]] for values in phase)
+        np.testing.assert_allclose(coupling_term(network, *sample), expected, rtol=1e-11)
         one = network.coupling(deviation[index], phase[0][index[1]], phase[1][index[1]])
         assert one.shape == ()
         np.testing.assert_allclose(one, expected, rtol=1e-11)

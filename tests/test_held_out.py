@@ -64,7 +64,7 @@ from dissertation.scraping.protocol.feedback_models import (
     LEVEL,
     POINTWISE,
     UNROLLED,
-    FeedbackParameters,
+    FinalModelParameters,
     compare_representations,
     train_models,
 )
@@ -82,7 +82,7 @@ from structlearn.feedback.coupling_dataset import (
     to_table,
     without_generalization,
 )
-from structlearn.feedback.coupling_model import TrainingParameters
+from structlearn.feedback.trainers import TrainingParameters
 from structlearn.networks.torch_settings import one_thread
 from structlearn.primitives import fitting
 from structlearn.primitives.fitting import FitParameters, cross_validation
@@ -335,7 +335,7 @@ def other_materials(monkeypatch, tmp_path):
 # --- feedback ----------------------------------------------------------------------------------------------
 
 FEEDBACK = committed(
-    FeedbackParameters,
+    FinalModelParameters,
     "train_feedback",
     hidden=(4,),
     pointwise={"steps": 20, "evaluate_every": 10},

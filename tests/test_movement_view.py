@@ -8,7 +8,13 @@ from conftest import two_move_demonstration
 from viewer_files import colour_of, contents, note
 
 from structlearn.palette import PHASE_PATHS
-from structlearn.primitives.fitting import FitParameters, learn_sequence, orientations, segment_paths, whole
+from structlearn.primitives.fitting import (
+    FitParameters,
+    learn_sequence,
+    orientations,
+    segment_paths,
+    whole_run_cuts,
+)
 from structlearn.tasks.movement import view
 from structlearn.tasks.movement.movement_learning import segmented
 from structlearn.tasks.movement.phase_corrections import phase_networks
@@ -60,7 +66,7 @@ def test_parts_of_the_execution_follow_each_other(tmp_path, parts):
 
 
 def test_turns_show_every_run_and_the_primitive(tmp_path, parts):
-    path, runs = tmp_path / "turns.rrd", orientations(segment_paths(parts, whole(parts), 5.0))
+    path, runs = tmp_path / "turns.rrd", orientations(segment_paths(parts, whole_run_cuts(parts), 5.0))
     view.write_turns(path, runs, primitives(parts)[0])
     found = contents(path)[1]
     names = [*(f"log\\ {number}" for number in range(1, len(runs) + 1)), view.PRIMITIVE.name]

@@ -17,7 +17,8 @@ from structlearn.avoidance.shapes import obstacle
 from structlearn.core import artefacts
 from structlearn.core.errors import InputError
 from structlearn.core.metrics import nmse
-from structlearn.feedback.coupling_model import TrainingParameters, write_networks
+from structlearn.feedback.coupling_model import write_networks
+from structlearn.feedback.trainers import TrainingParameters
 from structlearn.primitives import canonical
 
 SIZES = (4, 3)

@@ -13,14 +13,10 @@ import pytest
 import yaml
 from committed import read_yaml
 from reduced_pipeline import artefacts, by_hand, clone, environment, repro
-from reporting_verdicts import AnyFigure
-from test_scraping_page import LISTED, Made
 from viewer_files import contents, values, view_names
 
-from dissertation.scraping.files import ScrapingFiles
-from dissertation.scraping.page.stored import read_stored
-from structlearn.core.stage import TIMES, read_times, stage_parameters
-from structlearn.reporting.document import render, words_in_view
+from structlearn.core.stage import TIMES, read_times
+from structlearn.reporting.document import words_in_view
 
 CUTTING = [
     *("scraping_record_nominal", "scraping_import_nominal"),
@@ -112,21 +108,6 @@ def test_more_processes_give_the_same_bytes(reduced_project, copied):
     once = artefacts(reduced_project)
     assert once.keys() == again.keys()
     assert [path for path in once if once[path] != again[path]] == []
-
-
-def test_another_feedback_network_is_a_key(copied, example_networks, monkeypatch):
-    """It is trained, runs on the board and stands in the skill; the page leaves out its phase kernels."""
-    parameters = read_yaml(copied / "params.yaml")
-    parameters["train_feedback"]["network"] = "linear_feedback"
-    (copied / "params.yaml").write_text(yaml.safe_dump(parameters, sort_keys=False))
-    stages = [f"scraping_{one}" for one in ("train_feedback", "evaluate_feedback", "write_skill")]
-    by_hand(copied, stages, STRUCTLEARN_NETWORKS=example_networks)
-    for file in ("models/pointwise.safetensors", "skill.safetensors"):
-        assert b"linear_feedback" in (copied / "data/feedback/scraping" / file).read_bytes()
-    monkeypatch.chdir(copied)
-    settings = {key: stage_parameters(key, model) for page in LISTED.values() for key, model in page.items()}
-    page = Made(read_stored(ScrapingFiles(), settings)).pages["feedback"]
-    assert "As figure IV.16 bottom" not in render(page, AnyFigure())
 
 
 def test_dvc_makes_the_same_and_keeps_the_times(watched, reduced_project):

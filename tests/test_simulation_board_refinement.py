@@ -11,7 +11,7 @@ from scraping_motions import NAMES
 
 from dissertation.scraping.protocol import board_refinement
 from structlearn.core.errors import InputError
-from structlearn.feedback.coupling_model import TrainingParameters, train_final
+from structlearn.feedback.trainers import TrainingParameters, train_final
 from structlearn.policy_search import refinement
 from structlearn.policy_search.pi2 import PI2Parameters
 from structlearn.policy_search.refinement import Rollout, open_loop_weights

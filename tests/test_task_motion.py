@@ -12,7 +12,6 @@ import yaml
 from committed import TASK_FILE
 from pydantic import ValidationError
 from rigid_body_robots import joint, link
-from structlearn.tasks.motion.motion_parameters import LARGEST_CONDITION, MotionParameters
 
 from dissertation.simulation.arm import Payload, carrying
 from structlearn.core.errors import InputError
@@ -26,7 +25,7 @@ from structlearn.rigid_body.regressor import link_parameters, torque_regressor
 from structlearn.rigid_body.robot import Robot, read_urdf
 from structlearn.rigid_body.tree import LinkInertias
 from structlearn.tasks.motion.joint_motion import learn_motion
-from structlearn.tasks.motion.parameters import MotionParameters
+from structlearn.tasks.motion.parameters import LARGEST_CONDITION, MotionParameters
 
 
 def parameters(**changes) -> MotionParameters:

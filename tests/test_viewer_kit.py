@@ -12,7 +12,7 @@ from structlearn.core.errors import InputError
 from structlearn.core.publication import publish
 from structlearn.palette import BLUE, COLOUR_NAMES, LIGHT_BLUE, OCHRE, WHITE
 from structlearn.primitives import sequence
-from structlearn.primitives.fitting import FitParameters, learn_primitive, segment_paths, whole
+from structlearn.primitives.fitting import FitParameters, learn_primitive, segment_paths, whole_run_cuts
 from structlearn.segmentation.parameters import SegmentParameters
 from structlearn.segmentation.segments import cut
 from structlearn.viewer.diagram import Diagram, tick_step
@@ -33,7 +33,7 @@ THINNED = 2  # samples of 200 Hz per row in a recording
 
 def learned(demonstrations):
     """One primitive from whole demonstrations, and its unrolled path."""
-    segments = segment_paths(demonstrations, whole(demonstrations), 5.0)
+    segments = segment_paths(demonstrations, whole_run_cuts(demonstrations), 5.0)
     primitives = [learn_primitive("whole", segments, committed(FitParameters, "fit_primitives"))]
     return primitives, sequence.sequence_table(sequence.unroll(primitives, DT), ["whole"])
 

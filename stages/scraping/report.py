@@ -10,14 +10,14 @@ from dissertation.scraping.page.tables import derived, tables
 from dissertation.scraping.protocol.board_refinement import BoardRefinementParameters
 from dissertation.scraping.protocol.cut_sweep import SweepParameters
 from dissertation.scraping.protocol.execution_scores import ExecutionParameters
-from dissertation.scraping.protocol.feedback_models import FeedbackParameters
+from dissertation.scraping.protocol.feedback_models import FinalModelParameters
 from dissertation.scraping.protocol.sample_efficiency import ComparisonParameters
 from dissertation.scraping.world.demonstrator import DemonstratorParameters
 from dissertation.scraping.world.testbed import TestbedParameters
 from structlearn.core.params import Population
 from structlearn.core.stage import run, stage_parameters
-from structlearn.feedback.coupling_model import TrainingParameters
 from structlearn.feedback.coupling_targets import ExpectedTracesParameters, SupervisionParameters
+from structlearn.feedback.trainers import TrainingParameters
 from structlearn.primitives.fitting import FitParameters
 from structlearn.primitives.sequence import GeneraliseParameters
 from structlearn.readers.source import ClockParameters
@@ -38,7 +38,7 @@ PARAMETERS = {
         "expected_traces": ExpectedTracesParameters,
         "record_corrections": ExecutionParameters,
         "coupling_dataset": SupervisionParameters,
-        "train_feedback": FeedbackParameters,
+        "train_feedback": FinalModelParameters,
         "compare_models": TrainingParameters,
         "evaluate_feedback": ExecutionParameters,
     },

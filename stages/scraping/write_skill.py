@@ -3,7 +3,7 @@
 from pathlib import Path
 
 from dissertation.scraping.files import read_datasets, read_expected
-from dissertation.scraping.protocol.feedback_models import POINTWISE, FeedbackParameters
+from dissertation.scraping.protocol.feedback_models import POINTWISE, FinalModelParameters
 from structlearn.core.stage import run, stage_parameters
 from structlearn.feedback.coupling_model import read_networks
 from structlearn.feedback.coupling_targets import SupervisionParameters, sensor_channels
@@ -22,7 +22,7 @@ MODELS = {
     "segment": SegmentParameters,
     "fit_primitives": FitParameters,
     "coupling_dataset": SupervisionParameters,
-    "train_feedback": FeedbackParameters,
+    "train_feedback": FinalModelParameters,
     "write_skill": SkillParameters,
 }
 

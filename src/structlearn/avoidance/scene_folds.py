@@ -27,10 +27,6 @@ class SceneResults:
     """Result tables over all folds."""
 
     # per `model` of `ALL_MODELS` and `reach`: `person`, `fold`; `blocked`: the straight line hits an
-    # obstacle; `hit`, `hit_wall`: the reach hits an obstacle, a wall; `clearance_mm` of the hand's centre
-    # from the nearest obstacle, `left_mm` to the goal at the prescribed end, `path_mm` from the person's own
-    # path, and
-    # `same_gaps`: it takes the same gaps as the person
     # obstacle; `hit`, `hit_wall`: it hits an obstacle, a wall; `clearance_mm` of the hand's centre from
     # the nearest obstacle, `left_mm` to the goal at the prescribed end, `path_mm` from the person's own path,
     # and `same_gaps`: it takes the same gaps as the person

@@ -83,7 +83,7 @@ def plan_in_time(
         expected=expected,
         axes=np.array([AXES.index(axis) for axis in axes], dtype=np.int64),
         limits=limits.of(axes, dt),
-        ages=np.array([round(limits.offset_within_s * rate_hz), round(limits.stale_after_s * rate_hz)]),
+        timeouts=np.array([round(limits.offset_within_s * rate_hz), round(limits.stale_after_s * rate_hz)]),
         **compiled_networks(networks, phases, len(axes)),
     )
 
@@ -93,26 +93,27 @@ def compiled_networks(
 ) -> dict[str, np.ndarray]:
     """The networks' fields of a `Plan`; `phases`: p and u (T_i,) per primitive."""
     rows = np.cumsum([0, *(len(p) for p, _ in phases)])
-    tables = {place: network.table(*phases[place[0]]) for place, network in networks.items()}
-    table = np.zeros((rows[-1], axes, max((one.shape[1] for one in tables.values()), default=0)))
-    for (index, place), own in tables.items():
-        table[rows[index] : rows[index + 1], place, : own.shape[1]] = own
+    features = {place: network.time_features(*phases[place[0]]) for place, network in networks.items()}
+    widest = max((own.shape[1] for own in features.values()), default=0)
+    time_features = np.zeros((rows[-1], axes, widest))
+    for (index, axis), own in features.items():
+        time_features[rows[index] : rows[index + 1], axis, : own.shape[1]] = own
 
-    def padded(found: Sequence[Sequence[float] | np.ndarray], kind: type = np.int64) -> np.ndarray:
+    def padded(arrays: Sequence[Sequence[float] | np.ndarray], kind: type = np.int64) -> np.ndarray:
         """Values of each network, of any length, as (P, D, longest), zero-padded."""
-        values: np.ndarray = np.zeros((len(phases), axes, max([1, *map(len, found)])), dtype=kind)
-        for place, own in zip(networks, found, strict=True):
+        values: np.ndarray = np.zeros((len(phases), axes, max([1, *map(len, arrays)])), dtype=kind)
+        for place, own in zip(networks, arrays, strict=True):
             values[place][: len(own)] = own
         return values
 
     compiled = [network.compiled() for network in networks.values()]
     return {
-        "table": table,
+        "time_features": time_features,
         "kernels": padded([[network.kernel.address] for network in networks.values()])[..., 0],
         "inputs": padded([[network.inputs] for network in networks.values()])[..., 0],
-        "memory": padded([[one.memory] for one in compiled])[..., 0],
-        "sizes": padded([one.sizes for one in compiled]),
-        "values": padded([one.values for one in compiled], float),
+        "memory": padded([[arguments.memory] for arguments in compiled])[..., 0],
+        "sizes": padded([arguments.sizes for arguments in compiled]),
+        "values": padded([arguments.values for arguments in compiled], float),
     }
 
 

@@ -125,7 +125,14 @@ class Controller:
         plan.position_forcing[:] = forcing  # the first change of state: nothing below can fail
         plan.position_goal[:] = goals
         plan.orientation_goal[:] = turned_goals if turned else orientation
-        for array in (state.clock, state.path, state.turning, state.zero, state.good, state.coupling):
+        for array in (
+            state.clock,
+            state.path,
+            state.turning,
+            state.sensor_offset,
+            state.last_valid,
+            state.coupling,
+        ):
             array[:] = 0
         state.path[0, 0, 0] = position
         state.orientation[0, 0] = orientation

@@ -159,8 +159,8 @@ class ReactiveSkill:
                     if expected is not None:
                         its = f"its expected traces have {len(expected.start)}"
                     raise InputError(f"{what} takes {network.inputs} channels, but {its}")
-                if fault := network.fault():
-                    raise InputError(f"{what} {fault}")
+                if error := network.validation_error():
+                    raise InputError(f"{what} {error}")
         self.limits.of(self.axes, 1.0)
 
     @property

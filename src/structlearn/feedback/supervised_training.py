@@ -17,7 +17,7 @@ from torch import Tensor
 
 from structlearn.core.errors import InputError
 from structlearn.feedback.coupling_dataset import Fold, stream
-from structlearn.feedback.coupling_model import Jobs, Model, Trained, TrainingParameters
+from structlearn.feedback.trainers import Jobs, Model, Trained, TrainingParameters
 from structlearn.networks.torch_settings import RootMeanSquarePropagation, as_tensor, one_thread
 
 EVALUATED_AT_ONCE = 128  # samples per model, so that a stack's activations stay in a core's cache

@@ -26,8 +26,9 @@ from pydantic import Field
 from structlearn.core.errors import InputError
 from structlearn.core.params import Parameters
 from structlearn.feedback.coupling_dataset import CouplingDataset, concatenated, to_table
-from structlearn.feedback.coupling_model import CouplingModel, TrainingParameters, train_final
+from structlearn.feedback.coupling_model import CouplingModel, model_name
 from structlearn.feedback.models.pmnn import open_loop
+from structlearn.feedback.trainers import TrainingParameters, train_final
 from structlearn.policy_search import pi2
 from structlearn.policy_search.pi2 import PI2Parameters, SearchDistribution
 from structlearn.primitives import canonical
@@ -191,7 +192,8 @@ def improve(
     improved = _execute(environment, [open_loop(mean)] * parameters.added_runs, iteration, IMPROVED)
     added = learnable(improved, f"executions of the improved policy of iteration {iteration}")
     retraining = parameters.training.model_copy(update={"dropout": parameters.retraining_dropout})
-    network = train_final(type(initial), concatenated([demonstrations, added]), retraining, initial=initial)
+    data = concatenated([demonstrations, added])
+    network = train_final(model_name(initial), data, retraining, initial=initial)
     runs = _execute(environment, [network] * parameters.evaluation_runs, iteration, FEEDBACK)
     groups = ((tried, SAMPLE), (improved, IMPROVED), (runs, FEEDBACK))
     rows = [history_rows(group, iteration, kind) for group, kind in groups]

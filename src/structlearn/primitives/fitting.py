@@ -38,7 +38,7 @@ Segment = tuple[Trajectory, OrientationTrajectory | None]
 """Position and, where recorded, orientation of one primitive in one demonstration."""
 
 
-def whole(demonstrations: Sequence[Demonstration]) -> pd.DataFrame:
+def whole_run_cuts(demonstrations: Sequence[Demonstration]) -> pd.DataFrame:
     """Cuts of demonstrations that are a single primitive from start to end: index demonstration."""
     ends = [(0.0, float(demonstration.time[-1])) for demonstration in demonstrations]
     names = pd.Index([demonstration.name for demonstration in demonstrations], name="demonstration")

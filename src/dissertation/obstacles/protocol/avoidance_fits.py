@@ -40,7 +40,7 @@ from structlearn.avoidance.rai_2014 import HumanInspiredModels
 from structlearn.core.errors import InputError
 from structlearn.core.parallel import parallel_map
 from structlearn.core.params import Parameters
-from structlearn.feedback.coupling_model import TrainingParameters
+from structlearn.feedback.trainers import TrainingParameters
 
 KEYS = ["person", "model", "learned_from", "obstacle", "scenario"]
 """Columns of the error table that identify a model and the samples it is tested on."""

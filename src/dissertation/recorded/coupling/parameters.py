@@ -3,7 +3,7 @@
 from pydantic import Field
 
 from structlearn.avoidance.network_training import NetworkParameters
-from structlearn.feedback.coupling_model import TrainingParameters
+from structlearn.feedback.trainers import TrainingParameters
 from structlearn.readers.source import SourceParameters
 
 

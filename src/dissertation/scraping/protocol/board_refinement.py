@@ -16,9 +16,10 @@ from dissertation.scraping.world.testbed import TestbedParameters
 from structlearn.core.errors import InputError
 from structlearn.core.parallel import parallel_map
 from structlearn.feedback.coupling_dataset import CouplingDataset, concatenated
-from structlearn.feedback.coupling_model import CouplingModel, NetworkParameters, train_final
+from structlearn.feedback.coupling_model import CouplingModel
 from structlearn.feedback.coupling_targets import SupervisionParameters, corrected_primitive, coupling_samples
 from structlearn.feedback.skill import ReactiveSkill, on_axis
+from structlearn.feedback.trainers import FeedbackNetworkParameters, train_final
 from structlearn.policy_search.refinement import (
     FEEDBACK,
     Progress,
@@ -42,7 +43,7 @@ DIVERGED_RAD = np.pi / 2
 but its cost would dwarf all differences among the others."""
 
 
-class BoardRefinementParameters(RefinementParameters, NetworkParameters):
+class BoardRefinementParameters(RefinementParameters, FeedbackNetworkParameters):
     """Refinement on the board."""
 
     settings_deg: tuple[float, ...] = Field(min_length=1)
@@ -191,7 +192,7 @@ def refine_on_board(
 
 def _learned(work: tuple[CouplingDataset, BoardRefinementParameters]) -> CouplingModel:
     dataset, parameters = work
-    return train_final(parameters.model, dataset, parameters.training, parameters.hidden)
+    return train_final(parameters.network, dataset, parameters.training, parameters.hidden)
 
 
 def _with_executions(

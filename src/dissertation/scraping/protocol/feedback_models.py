@@ -27,12 +27,12 @@ from structlearn.feedback.coupling_dataset import (
     concatenated,
     leave_one_out,
 )
-from structlearn.feedback.coupling_model import (
-    CouplingModel,
-    NetworkParameters,
+from structlearn.feedback.coupling_model import CouplingModel
+from structlearn.feedback.trainers import (
+    FeedbackNetworkParameters,
     TrainingParameters,
     UnrolledTrainingParameters,
-    named_model,
+    named_trainer,
     train_final,
 )
 
@@ -40,7 +40,7 @@ POINTWISE, LEVEL, UNROLLED = "pointwise", "level", "unrolled"
 MODELS = (POINTWISE, LEVEL, UNROLLED)
 
 
-class FeedbackParameters(NetworkParameters):
+class FinalModelParameters(FeedbackNetworkParameters):
     """Training of the final models, sample by sample and in the unroll."""
 
     pointwise: TrainingParameters
@@ -54,7 +54,7 @@ Key = TypeVar("Key", bound=Hashable)
 def train_models(
     datasets: Mapping[Key, CouplingDataset],
     level: Mapping[Key, CouplingDataset],
-    parameters: FeedbackParameters,
+    parameters: FinalModelParameters,
     models: Sequence[str] = MODELS,
 ) -> dict[str, list[tuple[Key, CouplingModel]]]:
     """Networks of each model, by the keys of the datasets: one per primitive and axis (IV.6.2.3.2).
@@ -71,16 +71,18 @@ def train_models(
     return {model: [(key, next(networks)) for key in datasets] for model in models}
 
 
-def _trained(work: tuple[str, CouplingDataset, FeedbackParameters]) -> CouplingModel:
+def _trained(work: tuple[str, CouplingDataset, FinalModelParameters]) -> CouplingModel:
+    from structlearn.feedback.training.pmnn import train_unrolled  # torch
+
     model, dataset, parameters = work
     if model != UNROLLED:
-        return train_final(parameters.model, dataset, parameters.pointwise, parameters.hidden)
+        return train_final(parameters.network, dataset, parameters.pointwise, parameters.hidden)
     paths = corrected_paths(dataset, SAMPLES)
     training, validation = split(paths, parameters.validation_share, parameters.unrolled.seed)
     # start from a pointwise model that has not seen the validation demonstrations
     seen = np.isin(dataset.demonstration, np.unique(training.demonstration))
-    initial = train_final(parameters.model, dataset.where(seen), parameters.pointwise, parameters.hidden)
-    return initial.train_in_unroll(training, validation, parameters.unrolled)
+    initial = train_final(parameters.network, dataset.where(seen), parameters.pointwise, parameters.hidden)
+    return train_unrolled(training, validation, initial, parameters.unrolled)
 
 
 NETWORKS = {
@@ -92,7 +94,7 @@ NETWORKS = {
     "pca": ("pca", ()),
     "autoencoder": ("autoencoded", ()),
 }
-"""Module of `feedback.models` and widths of the regular hidden layers, by representation; `pmnn_6` is about
+"""Trainer and widths of the regular hidden layers, by representation; `pmnn_6` is about
 as wide as the number of principal components."""
 
 REPRESENTATIONS = tuple(NETWORKS)
@@ -138,7 +140,7 @@ def _evaluated(work: tuple[CouplingDataset, TrainingParameters, str]) -> pd.Data
     dataset, parameters, name = work
     folds = leave_one_out(dataset, parameters.chunk_samples, parameters.seed)
     network, hidden = NETWORKS[name]
-    found = named_model(network).train([(dataset, fold) for fold in folds], parameters, hidden)
+    found = named_trainer(network)([(dataset, fold) for fold in folds], parameters, hidden)
     rows = []
     for stopping, (fold, trained) in product(STOPPINGS, zip(folds, found, strict=True)):
         model = trained.models[stopping]

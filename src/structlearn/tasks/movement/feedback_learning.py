@@ -19,13 +19,14 @@ from structlearn.feedback.coupling_dataset import (
     from_axes_table,
     to_axes_table,
 )
-from structlearn.feedback.coupling_model import CouplingModel, read_networks, train_final, write_networks
+from structlearn.feedback.coupling_model import CouplingModel, read_networks, write_networks
 from structlearn.feedback.coupling_targets import (
     coupling_dataset,
     learn_expected,
     level_dataset,
     require_parts,
 )
+from structlearn.feedback.trainers import train_final
 from structlearn.primitives.primitive_files import read_vector_primitive, write_vector_primitive
 from structlearn.primitives.sequence import PosePrimitive
 from structlearn.primitives.vector import VectorPrimitive
@@ -126,7 +127,7 @@ def _groups(dataset: CouplingDataset, parameters: TaskFeedbackParameters) -> np.
 
 def _trained(work: tuple[str, Axis, str, CouplingDataset, TaskFeedbackParameters]) -> CouplingModel:
     *_, dataset, parameters = work
-    return train_final(parameters.model, dataset, parameters.training, parameters.hidden)
+    return train_final(parameters.network, dataset, parameters.training, parameters.hidden)
 
 
 def _scored(network: CouplingModel, dataset: CouplingDataset) -> tuple[float, float, float, float]:

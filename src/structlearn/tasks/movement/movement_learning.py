@@ -22,7 +22,7 @@ from structlearn.primitives.fitting import (
     orientations,
     reproduction_errors,
     segment_paths,
-    whole,
+    whole_run_cuts,
 )
 from structlearn.primitives.position import in_local_frame
 from structlearn.primitives.sequence import PosePrimitive, SequencePath
@@ -165,7 +165,7 @@ def turns(runs: Sequence[Demonstration], primitive: PosePrimitive, parameters: F
     the recorded run; the one from all, with the mean start, goal and duration, and compared with the runs'
     time-normalised mean. Raises InputError: a run has no orientation.
     """
-    segments = segment_paths(runs, whole(runs), parameters.smoothing_hz)
+    segments = segment_paths(runs, whole_run_cuts(runs), parameters.smoothing_hz)
     paths, recorded = orientations(segments), [run.signal("orientation") for run in runs]
     turned, rows = [np.degrees(largest_turn([path])) for path in paths], []
     for run, segment, path, turn_deg, reference in zip(runs, segments, paths, turned, recorded, strict=True):

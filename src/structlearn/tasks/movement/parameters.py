@@ -7,9 +7,9 @@ from pydantic import Field, PositiveFloat, field_validator, model_validator
 
 from structlearn.core import quaternion
 from structlearn.core.params import Name, Parameters
-from structlearn.feedback.coupling_model import NetworkParameters, TrainingParameters
 from structlearn.feedback.coupling_targets import CorrectionParameters
 from structlearn.feedback.skill_file import SkillParameters
+from structlearn.feedback.trainers import FeedbackNetworkParameters, TrainingParameters
 from structlearn.primitives.fitting import FitParameters
 from structlearn.primitives.sequence import GeneraliseParameters
 from structlearn.readers.source import ClockParameters, JointPose, Setting, SourceParameters, TopicMap
@@ -27,7 +27,7 @@ class RestParameters(Parameters):
     seeds: int = Field(ge=1)
 
 
-class TaskFeedbackParameters(CorrectionParameters, NetworkParameters):
+class TaskFeedbackParameters(CorrectionParameters, FeedbackNetworkParameters):
     """Executions and corrections, and the feedback learned from them."""
 
     executions: str = Field(min_length=1)

@@ -14,7 +14,7 @@ from structlearn.core import quaternion, signals
 from structlearn.feedback.coupling_model import CouplingModel, read_networks
 from structlearn.palette import DEMONSTRATION_COLOUR, LIGHT_GREY, PHASE_PATHS, REPRODUCTION_COLOUR, Look
 from structlearn.primitives import sequence
-from structlearn.primitives.fitting import orientations, segment_paths, whole
+from structlearn.primitives.fitting import orientations, segment_paths, whole_run_cuts
 from structlearn.primitives.sequence import PosePrimitive
 from structlearn.primitives.trajectory import OrientationTrajectory
 from structlearn.primitives.twist_swing import dominant_axes, from_chart, on_chart
@@ -59,7 +59,7 @@ def write(files: TaskFiles, folder: Path) -> None:
     paths = {name: files.table(f"primitives/{name}") for name in ("nominal", "generalised")}
     write_primitives(folder / "primitives.rrd", runs, primitives, paths, f"{files.name}: primitives", LEARNED)
     if own.turns:
-        segments = segment_paths(runs, whole(runs), own.fit.smoothing_hz)
+        segments = segment_paths(runs, whole_run_cuts(runs), own.fit.smoothing_hz)
         write_turns(folder / "turns.rrd", orientations(segments), primitives[0])
     if (files.folder / "feedback/completeness.parquet").exists():
         corrected = complete(files.runs("corrected"), files.table("feedback/completeness"))

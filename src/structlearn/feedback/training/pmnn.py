@@ -1,4 +1,4 @@
-"""Training of phase-modulated networks, M of them (folds, axes) as one stack.
+"""Training of phase-modulated networks by RMSProp, M of them (folds, axes) as one stack.
 
     h_1 = tanh(z W_1 + b_1), ...        m = G(p, u) * k * (h_L W_m + b_m)        c = m . w_c
 
@@ -8,7 +8,7 @@ at its end, where a correction must still be held; without the factors, weights 
 grow 30 times as large as the others on gradients 30 times as small. RMSProp, which divides each gradient by
 its own size, compensates most of that; initial outputs and other optimisers do not.
 
-Networks are trained sample by sample (`train_networks`), or inside a differentiable unroll (`train_unrolled`,
+Networks are trained sample by sample (`train`), or inside a differentiable unroll (`train_unrolled`,
 future work of the dissertation, V.2):
 
     r = R c        loss = mean (R c - r_cd)^2 / mean r_cd^2 + weight mean (c - c_target)^2 / mean c_target^2
@@ -33,9 +33,10 @@ from torch import Tensor
 
 from structlearn.core.errors import InputError
 from structlearn.feedback.corrected_paths import CorrectedPaths, unrolled_error
-from structlearn.feedback.coupling_model import Jobs, Trained, TrainingParameters, UnrolledTrainingParameters
+from structlearn.feedback.coupling_model import CouplingModel
 from structlearn.feedback.models.pmnn import PhaseModulatedNetwork
 from structlearn.feedback.supervised_training import Stack, scaled_targets, standardised, train_stack
+from structlearn.feedback.trainers import Jobs, Nodes, Trained, TrainingParameters, UnrolledTrainingParameters
 from structlearn.networks.stacked_layers import Dropout, RowLayers
 from structlearn.networks.torch_settings import Adam, as_tensor, one_thread, seeded
 from structlearn.primitives import canonical, kernels
@@ -116,10 +117,15 @@ class StackedPhaseModulatedNetworks:
         return stack
 
 
-def train_networks(
-    jobs: Jobs, parameters: TrainingParameters, hidden: Sequence[int], initial: PhaseModulatedNetwork | None
+def train(
+    jobs: Jobs, parameters: TrainingParameters, hidden: Nodes = (), initial: CouplingModel | None = None
 ) -> list[Trained[PhaseModulatedNetwork]]:
-    """Train one network per job as a stack; see `CouplingModel.train`."""
+    """Train one network per job as a stack; see `trainers.Trainer`.
+
+    Raises TypeError: the initial network is not phase-modulated.
+    """
+    if not isinstance(initial, PhaseModulatedNetwork | None):
+        raise TypeError(f"a phase-modulated network cannot start from a {type(initial).__name__}")
     generator, models = seeded(parameters.seed), len(jobs)
     given = None if initial is None else (initial.input_mean, initial.input_scale)
     count = KERNEL_COUNT if initial is None else initial.kernel_count
@@ -153,15 +159,17 @@ VALIDATION_INTERVAL = 50  # steps between evaluations for early stopping
 def train_unrolled(
     training: CorrectedPaths,
     validation: CorrectedPaths,
-    initial: PhaseModulatedNetwork,
+    initial: CouplingModel,
     parameters: UnrolledTrainingParameters,
 ) -> PhaseModulatedNetwork:
     """Train a feedback model such that the unrolled path follows the corrected demonstrations.
 
     Keeps the network with the smallest mean squared unrolled error on the validation demonstrations, possibly
     the initial one, whose standardisation is kept. This is unbiased only if the initial network has not seen
-    them. Raises InputError: the demonstrations contain no correction.
+    them. Raises InputError: the initial network is of another kind, or nothing was corrected.
     """
+    if not isinstance(initial, PhaseModulatedNetwork):
+        raise InputError(f"only the PMNN can be trained in the unroll, not a {type(initial).__name__}")
     target_scale, path_scale = (
         float(np.sqrt(np.mean(values**2))) for values in (training.target, training.correction)
     )
