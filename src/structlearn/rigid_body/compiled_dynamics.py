@@ -151,15 +151,6 @@ def newton_euler(robot: RobotArrays, q: np.ndarray, qd: np.ndarray, qdd: np.ndar
 
 
 @numba.njit(cache=True)
-def torques_along(robot: RobotArrays, q: np.ndarray, qd: np.ndarray, qdd: np.ndarray) -> np.ndarray:
-    """Torques (N, n) in N m along a motion (N, n)."""
-    torques = np.empty_like(q)
-    for sample in range(len(q)):
-        torques[sample] = newton_euler(robot, q[sample], qd[sample], qdd[sample])
-    return torques
-
-
-@numba.njit(cache=True)
 def add_friction(friction: np.ndarray, q: np.ndarray, qd: np.ndarray, torques: np.ndarray) -> None:
     """Add friction, rows (4, n) as `friction_rows`, at positions and velocities (n,) to torques (n,)."""
     for i in range(len(qd)):

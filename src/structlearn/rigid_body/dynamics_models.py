@@ -19,7 +19,6 @@ from structlearn.rigid_body.compiled_dynamics import (
     Networks,
     friction_rows,
     inverse_dynamics,
-    torques_along,
 )
 from structlearn.rigid_body.dynamics_training import KINDS, Kind
 from structlearn.rigid_body.friction import FrictionTerm, friction_coefficients, friction_columns
@@ -31,7 +30,8 @@ from structlearn.rigid_body.network_models import (
     StackedLagrangianNetworks,
     StackedPerceptrons,
 )
-from structlearn.rigid_body.tree import KinematicTree, LinkInertias, robot_arrays
+from structlearn.rigid_body.regressor import link_parameters, torque_regressor
+from structlearn.rigid_body.tree import KinematicTree, LinkInertias
 
 HEADING = "dynamics_models"
 
@@ -103,11 +103,9 @@ def read_dynamics_models(path: str | Path) -> DynamicsModels:
 
 def rigid_body_torques(tree: KinematicTree, inertias: LinkInertias, motion: Motion) -> np.ndarray:
     """Torques (M, N, n) in N m of inertias with mass (M, n), or (N, n) for mass (n,); no friction."""
-    if inertias.mass.ndim == 2:
-        models = range(len(inertias.mass))
-        return np.stack([rigid_body_torques(tree, inertias.of(model), motion) for model in models])
-    states = (np.ascontiguousarray(values, dtype=float) for values in (motion.q, motion.qd, motion.qdd))
-    return torques_along(robot_arrays(tree, inertias), *states)
+    columns = torque_regressor(tree, motion.q, motion.qd, motion.qdd, symmetric=False)
+    theta = link_parameters(inertias.tensors(), symmetric=False).numpy()
+    return np.moveaxis(columns @ theta.T, -1, 0) if theta.ndim == 2 else columns @ theta
 
 
 def predicted_torques(models: DynamicsModels, tree: KinematicTree, motion: Motion) -> np.ndarray:
