@@ -45,6 +45,6 @@ def main(name: str) -> sequence.SequencePath:
 
 if __name__ == "__main__":
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    parser.add_argument("name", help="a task of stages/tasks/own.yaml")
+    parser.add_argument("name", help="a task of structlearn.yaml")
     name = parser.parse_args().name
     run(lambda: main(name))

@@ -203,7 +203,7 @@ PAGES = {
         chosen=lambda place: place.removeprefix("tables.") in REFINEMENT_TABLES,
     ),
     "calibration": Page(
-        of_package("recorded", "calibration_claims.yaml"),
+        of_package("recorded.calibration", "calibration_claims.yaml"),
         lambda get: [test_touch_page.calibrated(1.0)],
         find_calibration,
         chosen=lambda place: place == "comparison",

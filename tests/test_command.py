@@ -137,14 +137,13 @@ def test_every_public_set_has_its_stages(monkeypatch, tmp_path):
             ["new", "lab/data/grasp", "--from", "there"],
             "lab/data/grasp: is inside of a project; add an entry to",
         ),
-        (["new", "clone/grasp", "--from", "there"], "clone/grasp: is inside of a project; add an entry to"),
         (["run"], "structlearn.yaml: no such file here; `structlearn new` makes a project"),
         (["view", "pour"], "structlearn.yaml: no such file here; `structlearn new` makes a project"),
     ],
 )
 def test_what_cannot_be_done_is_one_line(tmp_path, monkeypatch, capsys, words, message):
     monkeypatch.chdir(tmp_path)
-    for file in ("there/file", "lab/structlearn.yaml", "clone/stages/tasks/own.yaml"):
+    for file in ("there/file", "lab/structlearn.yaml"):
         Path(file).parent.mkdir(parents=True)
         Path(file).touch()
     with pytest.raises(SystemExit) as ended:
@@ -153,8 +152,8 @@ def test_what_cannot_be_done_is_one_line(tmp_path, monkeypatch, capsys, words, m
     said = capsys.readouterr().err
     assert said.startswith(f"error: {message}")
     assert said.count("\n") == 1
-    assert {path.name for path in tmp_path.iterdir()} == {"there", "lab", "clone"}
-    assert len(list(tmp_path.rglob("*"))) == 8
+    assert {path.name for path in tmp_path.iterdir()} == {"there", "lab"}
+    assert len(list(tmp_path.rglob("*"))) == 4
 
 
 @pytest.mark.parametrize("words", ["check x", "view x", "export x", "run x", "excite --task x"])

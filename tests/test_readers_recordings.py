@@ -26,7 +26,7 @@ from structlearn.readers import (
 )
 from structlearn.readers.demonstration import UNIT, Demonstration, NamedShape, read_runs, write_runs
 from structlearn.readers.source import SceneTopicMap, Setting, setting_label
-from structlearn.tasks.task_import import setting_folders
+from structlearn.tasks.movement.recordings import setting_folders
 
 STAMPS = [10**9 + row * 10**7 for row in range(5)]
 TOOL = topic_map(pose="/tool")

@@ -10,8 +10,8 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from structlearn.tasks.pick_and_place_world import takes, write_takes
 
+from dissertation.simulation.pick_and_place import takes, write_takes
 from structlearn.core.parallel import BACKEND
 
 ROBOT = """\
@@ -43,9 +43,8 @@ def run(folder, *words) -> str:
 def wheel(root, tmp_path_factory) -> Path:
     """The wheel, built from a copy of its sources, since building writes beside them."""
     folder = tmp_path_factory.mktemp("wheel")
-    for part in ("src", "stages/tasks"):
-        unwanted = shutil.ignore_patterns("__pycache__", "*.egg-info")
-        shutil.copytree(root / part, folder / part, symlinks=True, ignore=unwanted)
+    unwanted = shutil.ignore_patterns("__pycache__", "*.egg-info")
+    shutil.copytree(root / "src", folder / "src", ignore=unwanted)
     for part in ("pyproject.toml", "README.md", "LICENSE"):
         shutil.copy(root / part, folder)
     run(folder, *PIP, "wheel", *OFFLINE, "--no-build-isolation", "--wheel-dir", folder, folder)
@@ -89,11 +88,8 @@ def test_recordings_become_a_checked_skill_without_a_clone(environment, root, tm
 
 def test_the_wheel_has_every_source_and_data_file(wheel, root):
     package = root / "src/structlearn"
-    folders = (package, package / "tasks/stages")  # the latter is a link
-    files = [file for folder in folders for file in folder.rglob("*") if file.is_file()]
-    there = {
-        file.relative_to(root / "src").as_posix() for file in files if file.suffix not in (".pyc", ".lock")
-    }
+    files = [file for file in package.rglob("*") if file.is_file() and file.suffix != ".pyc"]
+    there = {file.relative_to(root / "src").as_posix() for file in files}
     with zipfile.ZipFile(wheel) as archive:
         packed = {name for name in archive.namelist() if ".dist-info/" not in name}
     assert packed == there
