@@ -20,7 +20,7 @@ from safetensors import SafetensorError, safe_open
 from safetensors.numpy import load_file, save
 
 from structlearn.core.errors import InputError
-from structlearn.core.publication import publish
+from structlearn.core.publication import publish as publish
 from structlearn.core.reading import require_file
 
 Metrics = dict[str, float | int | str | bool | None]  # flat key figures

@@ -17,7 +17,7 @@ from concurrent.futures.process import BrokenProcessPool
 from contextlib import suppress
 from functools import partial
 from ipaddress import ip_address
-from typing import TypeVar
+from typing import Any, TypeVar
 from urllib.parse import urlsplit
 
 from threadpoolctl import threadpool_limits
@@ -68,7 +68,7 @@ def parallel_map(
         def take(places: Iterable[int]) -> None:
             """Store the results of items, except those whose process died."""
             pool, death = _cluster() if backend == "dask" and not local else (_processes(), BrokenProcessPool)
-            running: dict[Future, int] = {}
+            running: dict[Future[Any], int] = {}
             try:
                 with suppress(death):  # a broken pool accepts no more items
                     for place in places:

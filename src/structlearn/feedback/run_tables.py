@@ -249,7 +249,7 @@ def _finite(values: np.ndarray | None, size: int, what: str) -> np.ndarray:
     return array
 
 
-def _of_primitives(skill: ReactiveSkill, values: Sequence, what: str) -> list[tuple[str, Any]]:
+def _of_primitives(skill: ReactiveSkill, values: Sequence[Any], what: str) -> list[tuple[str, Any]]:
     """Pairs (name of the primitive, value). Raises InputError: wrong number of values."""
     try:
         values = list(values)
