@@ -9,7 +9,6 @@ from hypothesis import strategies as st
 from primitives_movements import rngs
 from scipy.optimize import minimize_scalar
 
-from structlearn.core.errors import InputError
 from structlearn.policy_search.pi2 import (
     CovarianceParameters,
     PI2Parameters,
@@ -166,7 +165,7 @@ def test_arrays_that_do_not_fit_are_named(change, message):
         distribution, policies, costs, *activation = change(*random_rollouts(np.random.default_rng(0)))
         update(distribution, policies, costs, DEFAULT, *activation)
 
-    with pytest.raises(InputError, match=message):
+    with pytest.raises(ValueError, match=message):
         updated()
 
 

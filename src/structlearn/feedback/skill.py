@@ -70,7 +70,7 @@ def largest_coupling(targets: Sequence[np.ndarray]) -> float:
 
 def demonstrated_limits(targets: Mapping[Axis, Sequence[np.ndarray]], fading: FadingParameters) -> Limits:
     """Limits from the coupling terms demonstrated on each axis; axes without demonstrations have none."""
-    largest = {axis: largest_coupling(its) for axis, its in targets.items() if its}
+    largest = {axis: largest_coupling(terms) for axis, terms in targets.items() if terms}
     return Limits(largest_coupling=largest, **fading.model_dump(include=set(FadingParameters.model_fields)))
 
 
@@ -155,10 +155,10 @@ class ReactiveSkill:
                 if axis not in AXES:
                     raise InputError(f"'{name}' has a network for '{axis}', no axis among {', '.join(AXES)}")
                 if network.inputs and (expected is None or network.inputs != len(expected.start)):
-                    its = "there are no expected traces"
+                    but = "there are no expected traces"
                     if expected is not None:
-                        its = f"its expected traces have {len(expected.start)}"
-                    raise InputError(f"{what} takes {network.inputs} channels, but {its}")
+                        but = f"its expected traces have {len(expected.start)}"
+                    raise InputError(f"{what} takes {network.inputs} channels, but {but}")
                 if error := network.validation_error():
                     raise InputError(f"{what} {error}")
         self.limits.of(self.axes, 1.0)

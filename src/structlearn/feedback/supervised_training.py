@@ -78,8 +78,8 @@ def train(
             best[better], steps[better] = errors[better], start + count
             for place, part in enumerate(CHOOSING):
                 chosen = torch.from_numpy(better[:, place])
-                for found, values in zip(kept[part], stack.weights, strict=True):
-                    found[chosen] = values.detach()[chosen]
+                for best_values, values in zip(kept[part], stack.weights, strict=True):
+                    best_values[chosen] = values.detach()[chosen]
     restore(stack, kept["validation"])
     return {part: (kept[part], steps[:, place].tolist()) for place, part in enumerate(CHOOSING)}
 
@@ -87,8 +87,8 @@ def train(
 @torch.no_grad()
 def restore(stack: Stack, weights: Sequence[Tensor]) -> None:
     """Copy kept weights back into a stack."""
-    for values, found in zip(stack.weights, weights, strict=True):
-        values.copy_(found)
+    for values, kept in zip(stack.weights, weights, strict=True):
+        values.copy_(kept)
 
 
 def train_stack(
@@ -102,8 +102,8 @@ def train_stack(
     for part, (weights, steps) in train(stack, data, parameters).items():
         if all(len(getattr(fold, part)) for fold in data.folds):
             restore(stack, weights)
-            for index, one in enumerate(trained):
-                one.models[part], one.steps[part] = model(index), steps[index]
+            for index, result in enumerate(trained):
+                result.models[part], result.steps[part] = model(index), steps[index]
     return trained
 
 
@@ -143,13 +143,13 @@ def evaluate(stack: Stack, data: StackedData) -> np.ndarray:
     With several targets per sample, both the squared error and the variance are summed over them.
     """
     rows = [[getattr(fold, part) for part in CHOOSING] for fold in data.folds]
-    longest = max(sum(map(len, its)) for its in rows)
-    padded = np.stack([np.resize(np.concatenate(its), longest) for its in rows])
+    longest = max(sum(map(len, parts)) for parts in rows)
+    padded = np.stack([np.resize(np.concatenate(parts), longest) for parts in rows])
     outputs = predict(stack, data, torch.from_numpy(padded))
     result = np.full((len(rows), len(CHOOSING)), np.nan)
-    for model, its in enumerate(rows):
+    for model, parts in enumerate(rows):
         start = 0
-        for place, chosen in enumerate(its):
+        for place, chosen in enumerate(parts):
             if len(chosen):
                 target = data.target[model, chosen].numpy().astype(float)
                 error = np.square(outputs[model, start : start + len(chosen)] - target)
@@ -161,11 +161,11 @@ def evaluate(stack: Stack, data: StackedData) -> np.ndarray:
 @torch.no_grad()
 def predict(stack: Stack, data: StackedData, rows: Tensor) -> np.ndarray:
     """Outputs (M, R) or (M, R, D) of a stack for rows (M, R) of each model's samples."""
-    found = [
+    outputs = [
         stack.forward(_taken(data.inputs, chosen), _modulation(data, chosen), False)
         for chosen in rows.split(EVALUATED_AT_ONCE, dim=1)
     ]
-    return torch.cat(found, dim=1).numpy()
+    return torch.cat(outputs, dim=1).numpy()
 
 
 def standardisation(
@@ -179,10 +179,10 @@ def standardisation(
 
     `values`: (S, D) samples. `groups`: sizes of groups of adjacent columns with one unit; empty: one group.
     """
-    found = values[fold.train]
-    parts = np.split(found, np.cumsum(groups)[:-1], axis=1)
+    training = values[fold.train]
+    parts = np.split(training, np.cumsum(groups)[:-1], axis=1)
     scales = [float(np.sqrt(part.var(axis=0).mean())) or 1.0 for part in parts]
-    return found.mean(axis=0), np.repeat(scales, groups or found.shape[1])
+    return training.mean(axis=0), np.repeat(scales, groups or training.shape[1])
 
 
 def target_scale(target: np.ndarray, fold: Fold) -> float:

@@ -78,7 +78,9 @@ class Adam:
 
     def __init__(self, parameters: Sequence[Tensor], rate: float):
         self.parameters, self.rate, self.count = list(parameters), rate, 0
-        self.means, self.squares = ([torch.zeros_like(its) for its in self.parameters] for _ in range(2))
+        self.means, self.squares = (
+            [torch.zeros_like(values) for values in self.parameters] for _ in range(2)
+        )
 
     @torch.no_grad()
     def step(self, loss: Tensor) -> None:

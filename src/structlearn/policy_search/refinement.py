@@ -198,7 +198,7 @@ def improve(
     groups = ((tried, SAMPLE), (improved, IMPROVED), (runs, FEEDBACK))
     rows = [history_rows(group, iteration, kind) for group, kind in groups]
     samples = [sample_rows(group, iteration, kind, environment.rate_hz) for group, kind in groups]
-    found = replace(
+    advanced = replace(
         progress,
         iteration=iteration,
         covariance=updated.covariance,
@@ -206,9 +206,9 @@ def improve(
         policies=np.vstack([progress.policies, policies, np.tile(mean, (len(improved), 1))]),
         samples=pd.concat([progress.samples, *samples], ignore_index=True),
     )
-    if found.kept < iteration:
-        return found
-    return replace(found, network=network, compressed=compress(runs, len(mean)))
+    if advanced.kept < iteration:
+        return advanced
+    return replace(advanced, network=network, compressed=compress(runs, len(mean)))
 
 
 def refine(
