@@ -28,7 +28,7 @@ os.environ.update(OMP_NUM_THREADS="1", OPENBLAS_NUM_THREADS="1", MKL_NUM_THREADS
 import numpy as np
 import pandas as pd
 from primitive_inputs import DT, NETWORK, SEED, demonstrations, orientation_demonstration
-from timing import machine
+from timing import at_least_one, machine
 
 from structlearn.feedback.models.pmnn import PhaseModulatedNetwork
 from structlearn.feedback.runtime import Controller
@@ -48,13 +48,15 @@ NOW_AND_LATER = 1 | 2  # MCL_CURRENT | MCL_FUTURE of mlockall
 def main() -> None:
     """Measure and print."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    parser.add_argument("--ticks", type=int, default=TICKS, help="number of ticks")
+    parser.add_argument("--ticks", type=at_least_one, default=TICKS, help="number of ticks")
     parser.add_argument("--cpu", type=int, help="core to stay on; best one that boots isolated (isolcpus)")
     parser.add_argument(
         "--priority", type=int, help="real-time priority (SCHED_FIFO), 1 to 99; needs the right to"
     )
     parser.add_argument("--ordinary", action="store_true", help="with garbage collection, memory not locked")
     options = parser.parse_args()
+    if options.cpu not in (None, *os.sched_getaffinity(0)):
+        parser.error(f"--cpu {options.cpu}: this process may not run there")
     controller = Controller(skill(), RATE_HZ)
     setting = "an ordinary process" if options.ordinary else real_time(options.cpu, options.priority)
     tick_latency(controller, WARM_UP)

@@ -12,9 +12,11 @@ how many all repeats were found; of wiping, where nothing rests and a force tell
 import argparse
 from functools import partial
 from itertools import pairwise
+from pathlib import Path
 
 import numpy as np
 import pandas as pd
+from timing import at_least_one
 
 from dissertation.simulation.hand_noise import hand_noise
 from dissertation.simulation.pick_and_place import MOVES, SLOW, as_recording, session, takes
@@ -47,7 +49,7 @@ WIPING = [
 
 def cutting(primitives: object, ends: str) -> SegmentParameters:
     """Parameters of the public example, for other primitives and ends."""
-    values = read_task("pick").segment
+    values = read_task("pick", Path("examples/pick.yaml")).segment
     return values.model_validate(values.model_dump() | {"primitives": primitives, "ends": ends})
 
 
@@ -172,7 +174,7 @@ def main() -> None:
     """Print a row per kind of demonstrations and number of moves as soon as it is known."""
     arguments = argparse.ArgumentParser(description=__doc__.split("\n")[0])
     arguments.add_argument("--first", type=int, default=101)
-    arguments.add_argument("--count", type=int, default=40)
+    arguments.add_argument("--count", type=at_least_one, default=40)
     arguments.add_argument("--ends", choices=ENDS, default="onset")
     names = [*KINDS, "sessions", "wiping"]
     arguments.add_argument("--rows", choices=names, nargs="+", default=names)

@@ -7,6 +7,7 @@ one finds the processor's caches full of foreign things; what it takes when repe
 one reference: what is faster because it does something else is not in the table.
 """
 
+import argparse
 import csv
 import os
 import platform
@@ -19,6 +20,13 @@ from typing import Any
 
 SECONDS_PER_CASE = 3.0
 FEWEST_ROUNDS, MOST_ROUNDS = 7, 201
+
+
+def at_least_one(word: str) -> int:
+    """A count on the command line."""
+    if not (word.isdecimal() and int(word)):
+        raise argparse.ArgumentTypeError(f"{word!r} is not a count of one or more")
+    return int(word)
 
 
 @dataclass(frozen=True)

@@ -16,7 +16,7 @@ from time import perf_counter
 os.environ.update(OMP_NUM_THREADS="1", OPENBLAS_NUM_THREADS="1", MKL_NUM_THREADS="1", NUMBA_NUM_THREADS="1")
 
 import pandas as pd
-from timing import machine
+from timing import at_least_one, machine
 
 from dissertation.scraping.world.demonstrator import DemonstratorParameters
 from dissertation.scraping.world.testbed import TestbedParameters, guided_demonstrations
@@ -32,7 +32,7 @@ DEMONSTRATIONS, ROUNDS = 16, 2
 def main() -> None:
     """Measure and print."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    parser.add_argument("--demonstrations", type=int, default=DEMONSTRATIONS, help="pieces of work")
+    parser.add_argument("--demonstrations", type=at_least_one, default=DEMONSTRATIONS, help="pieces of work")
     parser.add_argument("--output", type=Path, help="write the rows to this CSV file too")
     options = parser.parse_args()
     rows = []

@@ -1,16 +1,17 @@
 """The loop that makes a robot follow a skill, each millisecond, with its deadlines accounted for.
 
-    python examples/follower_loop.py data/tasks/pick/skill/skill.safetensors       # after `make check`
+    python examples/follower_loop.py data/tasks/pick/skill/skill.safetensors       # after `structlearn check`
 
 `FakeArm` has the shape of robots' own libraries, such as `readOnce` and `writeOnce` of pylibfranka and
 `setJointPosition` of lbr_fri; franky plans by itself, from waypoints. A true arm has to be where it starts.
 """
 
-import sys
+import argparse
 import time
 
 import numpy as np
 
+from structlearn.core.stage import run
 from structlearn.feedback import Controller, read_skill
 from structlearn.primitives.sequence import default_start
 from structlearn.rigid_body import Follower, read_arm
@@ -56,4 +57,7 @@ def main(file: str) -> dict[str, float]:
 
 
 if __name__ == "__main__":
-    print("\n".join(f"{name}: {value:.4g}" for name, value in main(sys.argv[1]).items()))
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument("file", help="a skill")
+    file = parser.parse_args().file
+    run(lambda: print("\n".join(f"{name}: {value:.4g}" for name, value in main(file).items())))

@@ -1,13 +1,15 @@
 """Learn primitives from a folder of bags and run them to goals elsewhere: the library alone, no pipeline.
 
 make own-example                             # six bags of an invented task, data/example/pick
-python examples/learn_from_bags.py pick      # any entry of stages/tasks/own.yaml
+structlearn new pick --from data/example/pick
+cd pick && python ../examples/learn_from_bags.py pick      # any entry of structlearn.yaml
 """
 
-import sys
+import argparse
 
 import numpy as np
 
+from structlearn.core.stage import run
 from structlearn.primitives import cross_validation, learn_sequence, sequence
 from structlearn.readers import read_demonstrations
 from structlearn.segmentation import cut
@@ -42,4 +44,7 @@ def main(name: str) -> sequence.SequencePath:
 
 
 if __name__ == "__main__":
-    main(*sys.argv[1:])
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument("name", help="a task of stages/tasks/own.yaml")
+    name = parser.parse_args().name
+    run(lambda: main(name))

@@ -5,12 +5,13 @@
 Every millisecond: a pose from the controller, joints for it, a step of the physics, and a wait for the clock.
 """
 
-import sys
+import argparse
 import time
 
 import numpy as np
 import pybullet
 
+from structlearn.core.stage import run
 from structlearn.feedback import Controller, read_skill
 from structlearn.primitives.sequence import default_start
 from structlearn.rigid_body import Follower, read_arm
@@ -53,5 +54,8 @@ def main(file: str, gui: bool = False) -> dict[str, float]:
 
 
 if __name__ == "__main__":
-    for name, value in main(sys.argv[1], "--gui" in sys.argv).items():
-        print(f"{name}: {value:.4g}")
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument("file", help="a skill")
+    parser.add_argument("--gui", action="store_true", help="show it")
+    given = parser.parse_args()
+    run(lambda: print("\n".join(f"{name}: {value:.4g}" for name, value in main(**vars(given)).items())))

@@ -8,6 +8,8 @@ from pathlib import Path
 import pandas as pd
 
 from structlearn.core.artefacts import read_metrics, read_table
+from structlearn.core.errors import InputError
+from structlearn.core.stage import run
 
 REPORTS, TASKS = Path("reports"), Path("data/tasks")
 
@@ -36,11 +38,13 @@ def peak_speeds(task: Path) -> pd.Series:
 
 
 def main() -> None:
-    """Print them."""
+    """Print them. Raises InputError: not called from the project's root."""
+    if not REPORTS.is_dir():
+        raise InputError(f"{REPORTS}: no such folder; go to the project's root first")
     print(key_figures().to_string(index=False), verdicts().to_string(), sep="\n\n")
     for task in sorted(path for path in TASKS.glob("*") if (path / "primitives/nominal.parquet").exists()):
         print(f"\n{task.name}", peak_speeds(task).to_string(), sep="\n")
 
 
 if __name__ == "__main__":
-    main()
+    run(main)

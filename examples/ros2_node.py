@@ -5,6 +5,7 @@
 Starts where the robot is, publishes a target at every tick, and stops when pose or wrench are stale.
 """
 
+import argparse
 import sys
 
 import numpy as np
@@ -12,6 +13,7 @@ import rclpy
 from geometry_msgs.msg import PoseStamped, WrenchStamped
 from rclpy.node import Node
 
+from structlearn.core.errors import InputError
 from structlearn.feedback import Controller, Status, read_skill
 
 RATE_HZ, STALE_S = 250.0, 0.1
@@ -66,8 +68,14 @@ def numbers(message: object, axes: str = "xyz") -> np.ndarray:
 
 
 if __name__ == "__main__":
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument("file", help="a skill")
+    file = parser.parse_args(rclpy.utilities.remove_ros_args(sys.argv)[1:]).file
     rclpy.init(args=sys.argv)
-    node = SkillNode(sys.argv[1])
+    try:
+        node = SkillNode(file)
+    except InputError as error:
+        sys.exit(f"error: {error}")
     while not node.done:
         rclpy.spin_once(node)
     print(node.done)

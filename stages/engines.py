@@ -59,7 +59,7 @@ def in_pybullet(world: World) -> Iterator[Advance]:
             for _ in range(world.substeps):
                 load(world, torques)
                 world.q[:], world.v[:] = arm.step(world.torques)
-                kinematics(world.body, world.q, world.work)
+                kinematics(world.arrays, world.q, world.work)
 
         yield step_in_pybullet
 
@@ -68,7 +68,7 @@ def perturbed_robot_on_sines() -> pd.DataFrame:
     """Compare the engines on a robot with friction, ripple and latency that picks up a payload."""
     parameters = stage_parameters("record_motion", RecordMotionParameters)
     motion = stage_parameters("arm_motion", ArmMotionParameters).used.cut(COMPARED_S)
-    perturbed = stage_parameters("stand_in", PerturbedRobotParameters)
+    perturbed = stage_parameters("perturbed_robot", PerturbedRobotParameters)
     seed = min(stage_parameters("dynamics_robots", Population).test)
     robot = stage_parameters("arm", ArmParameters).read()
     logs = [

@@ -4,6 +4,7 @@ import fcntl
 import os
 from pathlib import Path
 
+import caller_environment  # noqa: F401 - before all that PYTHONPATH could hide
 import numpy as np
 import pytest
 import readers_bags

@@ -15,7 +15,7 @@ from structlearn.primitives.fitting import FitParameters, learn_sequence
 from structlearn.readers import synchronise
 from structlearn.tasks.movement import skill_check
 from structlearn.tasks.movement.check_results import SkillCheck
-from structlearn.tasks.movement.movement_parameters import RobotParameters
+from structlearn.tasks.movement.parameters import RobotParameters
 
 FIT = FitParameters(smoothing_hz=5.0, kernel_count=25, regression="joint", scaled_axes=(True, False, False))
 HERE = {"position_m": (0.0, 0.0, 0.0), "orientation": (1.0, 0.0, 0.0, 0.0)}

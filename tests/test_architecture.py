@@ -10,7 +10,7 @@ import pytest
 from committed import ROOT, read_yaml
 from import_graph import closure, code_of, imported, modules, named
 
-from structlearn.reporting.claims import QUOTED
+from dissertation.evidence.claims import QUOTED
 
 LIBRARY, REPRODUCTION = "structlearn", "dissertation"
 SOURCES = ROOT / "src"

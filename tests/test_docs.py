@@ -3,6 +3,7 @@
 import importlib.util
 import re
 import subprocess
+from pathlib import Path
 
 import pytest
 import yaml
@@ -11,6 +12,17 @@ from committed import ROOT, read_yaml
 PAGES = [ROOT / "README.md", ROOT / "CONTRIBUTING.md", *sorted((ROOT / "docs").glob("*.md"))]
 MADE = {"docs/dissertation.md", "docs/api/index.md"}
 """By `docs/hooks.py`, when the site is built."""
+
+TOLD = (
+    "*.md",
+    "src/**/*.py",
+    "src/**/*.jinja",
+    "stages/**/*.py",
+    "examples/**",
+    "reports/**/*.html",
+    "*.yaml",
+)
+"""Files that tell people what to run."""
 
 
 @pytest.fixture(scope="module")
@@ -26,6 +38,17 @@ def test_links_lead_to_files(page):
     for link in re.findall(r"\]\(([^)#]+)[^)]*\)", page.read_text()):
         target = (page.parent / link).resolve()
         assert "://" in link or target.exists() or target.relative_to(ROOT).as_posix() in MADE, link
+
+
+def test_nobody_is_told_to_run_a_stage_without_those_before_it():
+    """A stage alone (`--single-item`) goes by lists of code that may be old, and may wrongly count as new."""
+    told = subprocess.run(
+        ["git", "ls-files", "--", *TOLD], cwd=ROOT, capture_output=True, text=True, check=True
+    )
+    files = told.stdout.split()
+    assert {Path(file).suffix for file in files} >= {".md", ".py", ".jinja", ".html", ".yaml"}
+    alone = re.compile(r"dvc repro\b[^\n`<]*?\s(?:-\w*s\b|--single-item)")
+    assert [file for file in files if alone.search((ROOT / file).read_text(encoding="utf-8"))] == []
 
 
 def test_every_page_stands_in_the_navigation():

@@ -1,6 +1,7 @@
 """The examples run, each as its first lines say, on less data or for a shorter time."""
 
 import importlib.util
+import runpy
 import shutil
 import sys
 from dataclasses import replace
@@ -38,9 +39,7 @@ def short_skill(tmp_path_factory):
 
 def test_learning_from_bags(tmp_path, monkeypatch, capsys):
     monkeypatch.chdir(tmp_path)
-    (tmp_path / "stages/tasks").mkdir(parents=True)
-    for file in (ROOT / "stages/tasks").glob("*.yaml"):
-        shutil.copy(file, tmp_path / "stages/tasks")
+    shutil.copy(ROOT / "examples/pick.yaml", "structlearn.yaml")
     (tmp_path / "data/example/pick").mkdir(parents=True)
     write_takes(takes(seed=1, moves=3, count=3), tmp_path / "data/example/pick")
     learn = example("learn_from_bags")
@@ -61,6 +60,28 @@ def test_pybullet_and_a_loop_follow(short_skill):
     assert found["ticks"] == pytest.approx(ticks, abs=2)
     assert 0.0 < found["median (ms)"] <= found["99 % (ms)"]
     assert 0 <= found["missed"] <= found["ticks"]
+
+
+@pytest.mark.parametrize(
+    ("name", "words", "code", "said"),
+    [
+        ("pybullet_1khz", [], 2, "pybullet_1khz.py: error: the following arguments are required: file"),
+        ("pybullet_1khz", ["none"], 1, "error: none: no such file; run the stage that writes it"),
+        ("follower_loop", [], 2, "follower_loop.py: error: the following arguments are required: file"),
+        ("follower_loop", ["none", "--gui"], 2, "follower_loop.py: error: unrecognized arguments: --gui"),
+        ("learn_from_bags", [], 2, "learn_from_bags.py: error: the following arguments are required: name"),
+        ("learn_from_bags", ["pick"], 1, "error: structlearn.yaml: no such file here"),
+        ("read_results", [], 1, "error: reports: no such folder; go to the project's root first"),
+    ],
+)
+def test_wrong_words_are_one_line(tmp_path, monkeypatch, capsys, name, words, code, said):
+    monkeypatch.chdir(tmp_path)
+    script = str(ROOT / "examples" / f"{name}.py")
+    monkeypatch.setattr(sys, "argv", [script, *words])
+    with pytest.raises(SystemExit) as exit_:
+        runpy.run_path(script, run_name="__main__")
+    assert exit_.value.code == code
+    assert capsys.readouterr().err.splitlines()[-1].startswith(said)
 
 
 class FakeNode:

@@ -68,6 +68,13 @@ def test_a_model_learns_the_same_alone_and_in_a_stack():
     assert np.abs(found - before).max() > 0.01  # it did learn something
 
 
+class GradientAdam(Adam):
+    """Steps on a loss, like the others."""
+
+    def step(self, loss):
+        super().step(torch.autograd.grad(loss, self.parameters))
+
+
 @pytest.mark.parametrize(
     ("own", "of_torch", "tolerance"),
     [
@@ -76,7 +83,7 @@ def test_a_model_learns_the_same_alone_and_in_a_stack():
             partial(torch.optim.RMSprop, alpha=supervised.DECAY, eps=1e-8),
             {"atol": 1e-6, "rtol": 1e-4},
         ),
-        (Adam, torch.optim.Adam, {"atol": 0.0, "rtol": 0.0}),
+        (GradientAdam, torch.optim.Adam, {"atol": 1e-7, "rtol": 1e-6}),
     ],
 )
 def test_a_step_is_that_of_torch_on_every_tensor(own, of_torch, tolerance):

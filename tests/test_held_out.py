@@ -1,12 +1,14 @@
 """What is held out trains nothing: models are the same to the bit, whatever the data held out say.
 
-Every stage that fits something has a case here, or says why it holds nothing out. A case runs what its stage
-calls on small data three times: as they are, with what is held out changed, and with something changed that
-is learned from. The models may not change but for the last. Of a cross-validation they are those of one fold.
+Every stage and every function that fits something has a case here, or says why it holds nothing out. A case
+runs what its stage calls on small data three times: as they are, with what is held out changed, and with
+something changed that is learned from. The models may not change but for the last. Of a cross-validation they
+are those of one fold.
 
 Places are what folds and distances on a skin are made of, so of touches the readings are changed.
 """
 
+import ast
 import inspect
 import re
 from collections.abc import Callable, Iterator, Mapping
@@ -19,26 +21,31 @@ from typing import Any
 import numpy as np
 import pandas as pd
 import pytest
+import sklearn.linear_model
 import test_movement_phase_corrections
 import test_simulation_board_refinement
 import test_task_motion
 import test_tasks_obstacles
+import test_torque_parts
 import test_touch_skin
 import test_touch_transfer
 import torch
 from board_rollouts import small_board
-from committed import ROOT, TASK_FILE, committed, committed_entry, read_yaml
+from committed import ROOT, SETS, TASK_FILE, committed, committed_entry, read_yaml
 from conftest import two_move_demonstration
 from feedback_toy import toy_dataset
 from reporting_scraping import PARAMETERS as CUTTING
-from rigid_body_robots import arm, rubbing_motion, sine_motion
+from rigid_body_robots import arm, motion_with_friction, sine_motion
+from structlearn.tasks.motion.motion_parameters import LEARNED, NetworkChoiceParameters
 from tactile_toy import toy_dataset as toy_touches
 from tactile_toy import toy_geodesics
 from test_obstacles_models import PARAMETERS as AVOIDANCE
 from test_obstacles_models import SCENARIOS
 from test_obstacles_models import toy_dataset as toy_reaches
 from test_tasks_obstacles import phase_dependent
+from threadpoolctl import threadpool_limits
 
+import structlearn
 from dissertation.dynamics.protocol.trainings import (
     DynamicsTrainingParameters,
     EpochLimits,
@@ -48,8 +55,8 @@ from dissertation.dynamics.protocol.trainings import (
 from dissertation.obstacles.protocol import avoidance_fits, avoidance_scores
 from dissertation.obstacles.world.reaching_person import AvoiderParameters
 from dissertation.obstacles.world.scenarios import SceneParameters, scenarios
-from dissertation.recorded import coupling_representations, touch_transfer
-from dissertation.recorded.coupling_representations import RepresentationParameters
+from dissertation.recorded.coupling import learning as coupling_representations
+from dissertation.recorded.transfer import learning as touch_transfer
 from dissertation.scraping.files import read_datasets
 from dissertation.scraping.protocol import feedback_models
 from dissertation.scraping.protocol.board_refinement import refine_on_board
@@ -63,7 +70,7 @@ from dissertation.scraping.protocol.feedback_models import (
 )
 from structlearn.avoidance import scene_models
 from structlearn.avoidance.avoidance_dataset import AvoidanceDataParameters
-from structlearn.avoidance.network_training import NetworkParameters, held_out_rows
+from structlearn.avoidance.network_training import held_out_rows
 from structlearn.avoidance.scene_folds import learn_past_obstacles
 from structlearn.core.artefacts import write_table
 from structlearn.core.parallel import BACKEND
@@ -76,26 +83,31 @@ from structlearn.feedback.coupling_dataset import (
     without_generalization,
 )
 from structlearn.feedback.trainers import TrainingParameters
+from structlearn.networks.torch_settings import one_thread
 from structlearn.primitives import fitting
 from structlearn.primitives.fitting import FitParameters, cross_validation
 from structlearn.primitives.position import fit_position
 from structlearn.primitives.trajectory import differentiated
 from structlearn.readers.demonstration import Demonstration
 from structlearn.readers.joint_log import DriveLog
+from structlearn.readers.user_tables import TouchLog
 from structlearn.rigid_body.dynamics_training import LearningParameters
 from structlearn.rigid_body.motion import Motion
 from structlearn.rigid_body.payload import PayloadLearningParameters, learn_payload
 from structlearn.segmentation.segments import cut
 from structlearn.tactile import latent_comparison
 from structlearn.tactile.latent_parameters import LatentParameters
-from structlearn.tactile.pressed_skin import held_out
+from structlearn.tactile.pressed_skin import PressedSkin, held_out
 from structlearn.tactile.touch_dataset import TRAIN
-from structlearn.tasks.motion.joint_motion import learn_motion
+from structlearn.tasks.motion import joint_motion, torque_parts
+from structlearn.tasks.motion.joint_motion import choose_networks, learn_motion
 from structlearn.tasks.movement import feedback_learning
 from structlearn.tasks.movement.movement_learning import segmented
-from structlearn.tasks.movement.movement_parameters import TaskFeedbackParameters
+from structlearn.tasks.movement.parameters import TaskFeedbackParameters
 from structlearn.tasks.movement.phase_corrections import _split, corrected_runs, learn_corrections
-from structlearn.tasks.touch import skin_protocol, skin_readings, surface_traces
+from structlearn.tasks.project import STAGES
+from structlearn.tasks.touch import skin_force, skin_protocol, skin_readings, surface_traces
+from structlearn.tasks.touch.skin_touches import learn_skin
 from structlearn.tasks.touch.surface_traces import deviations_from_expected
 from structlearn.tasks.touch.touch_names import MAGNITUDES, NEW_TRIALS
 from structlearn.tasks.touch.touch_names import SLIDES as SLIDE_SET
@@ -109,16 +121,36 @@ HOLDS_NOTHING_OUT = {
     "puts into one file what was learned": "tasks/skill scraping/write_skill",
     "executes or unrolls": "tasks/check scraping/evaluate_feedback scraping/evaluate_refinement "
     "obstacles/evaluate",
-    "measures statistics or times": "tasks/calibrate scraping/time_controller",
+    "measures statistics or times": "recorded/calibrate scraping/time_controller",
     "traces of all runs that it is given; the further ones go to other files": "scraping/expected_traces",
+    "has its own test beside its models, test_torque_parts": "recorded/parts",
     "makes samples, each of one demonstration": "scraping/coupling_dataset servoing/touch_dataset",
     "searches by trial, on rollouts of its own": "scraping/compare_search",
     "distances between all places that were touched, those of the test among them": "servoing/geodesics",
 }
 """Why stages have no case."""
 
+FITS_ALL = {
+    "call those that have a case": "touch_transfer.compare_sets "
+    "avoidance_fits._errors fitting.learn_sequence fitting.cross_validation",
+    "what is compared with itself": "movement_learning.reproduction movement_learning.turns "
+    "drives_and_load.payload_check touch_calibration.variance_shares trainings._once_through",
+    "traces of all runs that are given": "feedback_learning.learn_feedback movement_learning.learn_traces",
+    "call the training of `train_latent` for another skin": "servo_trials.learn_other_skin",
+}
+"""Why functions that fit have no case."""
+
+LEARNERS = (
+    r"_?(fit|learn|train)(_\w+)?|\w*[Ll]earner|lstsq|least_squares|svd|PCA|polynomial|\w+_process|own_units"
+)
+SEPARATES = r"held_out|left_out|leave_one_out|TRAIN|[Ff]olds?|judged"
+"""Names of what fits, and names in modules of methods that hold something out."""
+
+DRAWS = r"page|recordings|world|simulation|reporting|viewer|\w+_(section|view|figures)"
+"""Packages and modules that fit nothing, or show or simulate it."""
+
 SHOWS = ("report", "view", "loop", "make_example")
-"""Stages that show what others wrote, or list sources."""
+"""Stages that show what others wrote."""
 
 
 @dataclass(frozen=True)
@@ -135,9 +167,16 @@ CASES: list[tuple[str, Callable[..., Case]]] = []
 """Stage, and what makes its case from pytest's `monkeypatch` and a folder."""
 
 
-def of_stage(*stages: str) -> Callable[[Callable[..., Case]], Callable[..., Case]]:
+FITS: dict[str, str] = {}
+"""Functions that fit something, by the case that compares what they learn."""
+
+
+def of_stage(*stages: str, fits: str = "") -> Callable[[Callable[..., Case]], Callable[..., Case]]:
+    """Register a case of stages, and the functions (`module.name`) whose fits it compares."""
+
     def registered(make: Callable[..., Case]) -> Callable[..., Case]:
         CASES.extend((stage, make) for stage in stages)
+        FITS.update(dict.fromkeys(fits.split(), make.__name__))
         return make
 
     return registered
@@ -191,6 +230,9 @@ def swapped(items: list, place: int, one: Any) -> list:
     return [*items[:place], one, *items[place + 1 :]]
 
 
+SOURCES = Path(structlearn.__file__).parents[1]
+
+
 # --- primitives --------------------------------------------------------------------------------------------
 
 FIT = committed(FitParameters, "fit_primitives", kernel_count=8)
@@ -207,7 +249,7 @@ def demonstrations(stretches=(1.0, 1.2, 0.85)) -> list[Demonstration]:
     return [two_move_demonstration(f"{place}", one) for place, one in enumerate(stretches)]
 
 
-@of_stage("scraping/fit_primitives", "tasks/primitives")
+@of_stage("scraping/fit_primitives", "tasks/primitives", fits="fitting._left_out fitting.learn_primitive")
 def primitives(monkeypatch, tmp_path):
     """Of every primitive and regression, the primitive learned from all demonstrations but one."""
     data = demonstrations()
@@ -261,14 +303,14 @@ def slid(changed: str = "") -> list[Demonstration]:
     return found
 
 
-@of_stage("tasks/touch")
+@of_stage("tasks/touch", fits="surface_traces.deviations_from_expected")
 def expected_of_slides(monkeypatch, tmp_path):
     learn = once(lambda its: deviations_from_expected(its, SLIDES)[0])
     data, trained_on = slid(), slid("mat_2")
     return [Case(learn, data, slid(held_out), trained_on) for held_out in ("mat_3", "cork_1")]
 
 
-@of_stage("tasks/touch")
+@of_stage("tasks/touch", fits="surface_traces.leave_one_out")
 def slides_left_out(monkeypatch, tmp_path):
     learn = each(
         monkeypatch,
@@ -277,6 +319,17 @@ def slides_left_out(monkeypatch, tmp_path):
         lambda its: surface_traces.leave_one_out(its, SLIDES),
     )
     return Case(lambda its: learn(its)[1], slid(), slid("mat_2"), slid("mat_1"))
+
+
+@of_stage("tasks/touch", fits="surface_traces.across_materials")
+def other_materials(monkeypatch, tmp_path):
+    learn = each(
+        monkeypatch,
+        surface_traces,
+        "fit_expected_traces",
+        lambda its: surface_traces.across_materials(its, SLIDES),
+    )
+    return Case(lambda its: learn(its)[0], slid(), slid("cork_1"), slid("mat_2"))
 
 
 # --- feedback ----------------------------------------------------------------------------------------------
@@ -297,7 +350,10 @@ def corrected(dataset: CouplingDataset, rows: np.ndarray) -> CouplingDataset:
     return with_wobbling(dataset, rows, "deviation", "target")
 
 
-@of_stage("scraping/train_feedback")
+@of_stage(
+    "scraping/train_feedback",
+    fits="coupling_model.train_final supervised_training.train_stack feedback_models._trained",
+)
 def final_feedback(monkeypatch, tmp_path):
     """By the model's own split: samples that test, and settings that nobody learns from."""
     whole, level = toy_dataset(seed=0), toy_dataset(settings=(0.0,), seed=1)
@@ -335,7 +391,10 @@ def start_of_unrolled_feedback(monkeypatch, tmp_path):
     return Case(learn, data, corrected(data, chooses), corrected(data, trained_on))
 
 
-@of_stage("scraping/compare_models")
+@of_stage(
+    "scraping/compare_models",
+    fits="feedback_models._evaluated autoencoded.autoencoder pca.principal_components",
+)
 def representations(monkeypatch, tmp_path):
     """Of one fold, errors on what every representation was learned from, at the step validation chose."""
     data = toy_dataset(samples=(30, 35))
@@ -352,7 +411,22 @@ def representations(monkeypatch, tmp_path):
         yield Case(learn, data, corrected(data, rows), trained_on)
 
 
-@of_stage("scraping/refine")
+@of_stage("scraping/compare_models")
+def steps_of_representations(monkeypatch, tmp_path):
+    """Samples that choose the step train nothing: of a single step there is no choice."""
+    once_evaluated = TRAINING.model_copy(update={"evaluate_every": TRAINING.steps})
+    data = toy_dataset(samples=(30, 35))
+    fold = leave_one_out(data, TRAINING.chunk_samples, TRAINING.seed)[LEFT_OUT]
+
+    def learn(dataset):
+        found = compare_representations({"turn": dataset}, once_evaluated)["turn"]
+        chosen = (found["fold"] == LEFT_OUT) & (found["stopping"] == "validation")
+        return found.loc[chosen, ["step", "train", "dimensions"]]
+
+    return Case(learn, data, corrected(data, fold.validation), corrected(data, fold.train[:1]))
+
+
+@of_stage("scraping/refine", fits="board_refinement._learned")
 def refinement(monkeypatch, tmp_path):
     """Before and after: demonstrations on the board's new tilt are never read."""
     boards = test_simulation_board_refinement
@@ -388,7 +462,7 @@ def felt(demonstration: Demonstration, push: float = 0.0) -> Demonstration:
     )
 
 
-@of_stage("tasks/feedback")
+@of_stage("tasks/feedback", fits="feedback_learning._trained")
 def feedback_of_a_task(monkeypatch, tmp_path):
     """The final network and one that was learned without a setting, of one axis."""
     runs = [felt(one) for one in demonstrations()]
@@ -414,10 +488,29 @@ def feedback_of_a_task(monkeypatch, tmp_path):
         yield Case(lambda its, network=network: learn(its)[network], data, corrections(left_out), trained_on)
 
 
+@of_stage("tasks/feedback")
+def uncorrected_executions(monkeypatch, tmp_path):
+    """Every other execution only tests the networks that were learned without a setting."""
+    data, level = toy_dataset(settings=KNOWN), toy_dataset(settings=(0.0,), seed=1)
+    data = replace(data, setting=np.where(data.setting == KNOWN[0], "a", "b"))
+    level = replace(
+        level, setting=np.full(len(level.target), feedback_learning.LEVEL), target=0 * level.target
+    )
+    odd = level.demonstration % 2 == 1
+    learn = each(
+        monkeypatch,
+        feedback_learning,
+        "_trained",
+        lambda its: feedback_learning._learned({"scrape": {"x": data}}, {"scrape": its}, OWN_FEEDBACK),
+    )
+    changed = [with_wobbling(level, rows, "deviation") for rows in (odd, ~odd)]
+    return Case(lambda its: learn(its)[1:], level, *changed)
+
+
 # --- obstacles ---------------------------------------------------------------------------------------------
 
 
-@of_stage("obstacles/dataset")
+@of_stage("obstacles/dataset", fits="avoidance_scores.person_data")
 def unhindered_reach(monkeypatch, tmp_path):
     """The baseline knows of no reach past an obstacle."""
     scene = committed(SceneParameters, "obstacle_scene", settings=1)
@@ -433,7 +526,7 @@ def unhindered_reach(monkeypatch, tmp_path):
     return Case(learn, sets, [sets[0], *(moved(its, 0) for its in sets[1:])], [moved(sets[0], 0), *sets[1:]])
 
 
-@of_stage("obstacles/train")
+@of_stage("obstacles/train", fits="avoidance_fits.learn learned_models.train_phase_modulated")
 def avoidance(monkeypatch, tmp_path):
     """Networks and ensembles, of each setting, each shape and all; Rai et al.; phase-modulated ones."""
     data = toy_reaches(scenarios=len(SCENARIOS), samples=20)
@@ -446,15 +539,14 @@ def avoidance(monkeypatch, tmp_path):
     return Case(learn, data, tested, with_wobbling(data, ~held, "target"))
 
 
-@of_stage("tasks/obstacles")
+@of_stage("recorded/coupling", fits="coupling_representations._fitted coupling_representations._ridge")
 def coupling_of_samples(monkeypatch, tmp_path):
     """Every representation on the second block."""
     network = {"hidden": (4,), "members": 2, "training": {"iterations": 2}}
-    parameters = committed(
-        RepresentationParameters,
-        "defaults.obstacles.representations",
+    parameters = committed_entry(
+        "avoidance",
         folds=2,
-        network=committed(NetworkParameters, "obstacle_training.per_setting", **network),
+        network=network,
         pmnn=TRAINING,
         pmnn_hidden=(4,),
     )
@@ -471,7 +563,7 @@ def coupling_of_samples(monkeypatch, tmp_path):
     return Case(lambda its: learn(its)[1::2], data, tested, trained_on)
 
 
-@of_stage("tasks/obstacles")
+@of_stage("tasks/obstacles", fits="scene_folds.judge_folds")
 def reaches_past_boxes(monkeypatch, tmp_path):
     """Of three people, on one of whom constants were chosen: what was learned without the second."""
     boxes = test_tasks_obstacles
@@ -497,7 +589,7 @@ def pushed(motion: Motion, rows: slice) -> Motion:
     return with_wobbling(motion, rows, "torque")
 
 
-@of_stage("dynamics/train")
+@of_stage("dynamics/train", fits="trainings._train_together trainings._train_one")
 def dynamics(monkeypatch, tmp_path):
     """Models of the arm and of one robot, beside the log of another robot."""
     parameters = committed(
@@ -508,7 +600,7 @@ def dynamics(monkeypatch, tmp_path):
         epochs=EpochLimits(simulation=1, robot=1),
         learning=LEARNING,
     )
-    motion = rubbing_motion(arm()).part(slice(0, 300))
+    motion = motion_with_friction(arm()).part(slice(0, 300))
     data = {
         "iiwa": sine_motion(arm(), 200),
         "perturbed/11": motion,
@@ -529,7 +621,7 @@ def payload(monkeypatch, tmp_path):
     parameters = committed(
         PayloadLearningParameters, "online.payload", empty_s=10.0, batch=100, memory_s=2.0, iterations=5
     )
-    data, dt, picked = rubbing_motion(arm()).part(slice(0, 900)), 0.02, 500
+    data, dt, picked = motion_with_friction(arm()).part(slice(0, 900)), 0.02, 500
 
     def learn(motion):
         found = learn_payload((motion, dt), arm().tree, arm().inertias, parameters)
@@ -540,16 +632,24 @@ def payload(monkeypatch, tmp_path):
 
 
 def learned_motion(folder: Path, robot, logs, parameters):
-    """What is learned from logs, apart from errors on what is held out."""
+    """What is learned from logs, and torques that it predicts, apart from errors on what is held out."""
     source, target = folder / "arm.urdf", folder / "out"
     source.write_text(test_task_motion.ARM)
     target.mkdir(exist_ok=True)
     models, tables = learn_motion(robot, {log.name: log for log in logs}, parameters, source, target)
     learned = [tables[name] for name in ("base", "gravity", "choice", "gains", "bodies") if name in tables]
+    learned.append(tables["traces"].drop(columns="measured"))  # least squares' too, which is no model
+    if "carried" in tables:
+        carried = tables["carried"]
+        learned.append(carried.loc[carried["stage"] == LEARNED, ["mass_kg", "moment_x_kg_m"]])
     return models, learned, (target / "identified.urdf").read_text()
 
 
-@of_stage("tasks/motion")
+@of_stage(
+    "tasks/motion",
+    fits="model_comparison.identify_arm model_comparison._learned joint_motion.fitness_tables "
+    "joint_motion.gravity_check",
+)
 def arms(monkeypatch, tmp_path):
     """Of the last log, and of the rest of a single one; a filter would reach over borders."""
     own = test_task_motion
@@ -567,7 +667,7 @@ def arms(monkeypatch, tmp_path):
     yield Case(lambda logs: learned_motion(tmp_path, robot, logs, share), data[:1], *changed)
 
 
-@of_stage("tasks/motion")
+@of_stage("tasks/motion", fits="drives_and_load._followed")
 def ur10e(monkeypatch, tmp_path):
     """Logs at rest, learned from, asked about and with the load, on a small arm."""
     own = test_task_motion
@@ -612,6 +712,53 @@ def ur10e(monkeypatch, tmp_path):
     return Case(learn, data, changed("test", "trainLoad"), changed("train"))
 
 
+@of_stage("tasks/motion", fits="joint_motion._tried")
+def settings_of_networks(monkeypatch, tmp_path):
+    """The end of the training motion chooses among networks of its start."""
+    parameters = NetworkChoiceParameters(
+        **{"train_share": 0.5, "hidden": ((4,),), "rates": (0.01, 0.02), "epochs": (1,), "batch": 32},
+        **{"second_moment_decay": 0.99, "choice_seeds": 1, "seeds": 1},
+    )
+    tree, data = arm().tree, motion_with_friction(arm()).part(slice(0, 100))
+    learn = each(
+        monkeypatch,
+        joint_motion,
+        "DynamicsModels",
+        lambda its: choose_networks(tree, its, parameters),
+    )
+    return Case(learn, data, pushed(data, slice(50, None)), pushed(data, slice(0, 1)))
+
+
+@of_stage("tasks/motion", fits="torque_parts.learn_parts torque_parts.learned_networks")
+def parts_of_torques(monkeypatch, tmp_path):
+    """Networks and planar arms, of the authors' choice of logs and of a random one."""
+    toy = test_torque_parts
+    quick = {"left_out": ("p",), "seeds": 2, "splits": 2, "epochs": 1, "batch": 64}
+    quick |= {"hidden": {"mlp": (4,), "delan": (4,)}}
+    quick["published"] = dict.fromkeys(("torque", "coriolis", "inertial", "gravity", "power"), 1e-3)
+    parameters = committed_entry("delan_characters", parts=quick).parts
+    data = {name: toy.log(name, seed) for seed, name in enumerate("pqr")}
+    (*_, (left_out,)), names = torque_parts.held_out(list(data), parameters)[2], iter(range(99))
+
+    def run(logs):
+        return torque_parts.learn_parts(logs, parameters, 5, tmp_path / str(next(names)))
+
+    changed = {
+        name: data | {name: with_wobbling(its, slice(None), "positions", "torques")}
+        for name, its in data.items()
+    }
+
+    networks = each(monkeypatch, torque_parts, "learned_networks", run)
+    arms = each(monkeypatch, torque_parts, "fit_planar_arm", networks)
+    for choice, fit, apart in ((0, 0, "p"), (2, 1, left_out)):  # planar arms have no seeds
+        other = next(name for name in data if name != apart)
+        for learned in (
+            lambda logs, fit=fit: arms(logs)[fit],
+            lambda logs, choice=choice: [of_kind[choice] for of_kind in networks(logs)],
+        ):
+            yield Case(learned, data, changed[apart], changed[other])
+
+
 # --- touch -------------------------------------------------------------------------------------------------
 
 LATENT = committed(
@@ -632,7 +779,11 @@ def of_comparison(found: latent_comparison.LatentComparison) -> tuple:
     return found.models, found.units
 
 
-@of_stage("servoing/train_latent", "servoing/other_skins")
+@of_stage(
+    "servoing/train_latent",
+    "servoing/other_skins",
+    fits="latent_comparison._learned latent_training.best_start",
+)
 def latent_spaces(monkeypatch, tmp_path):
     """Spaces, forward and inverse models, and the units they see touch in."""
     data = toy_touches(contacts=10, samples=200)
@@ -645,7 +796,10 @@ def latent_spaces(monkeypatch, tmp_path):
     )
 
 
-@of_stage("tasks/touch")
+@of_stage(
+    "recorded/transfer",
+    fits="touch_transfer._errors latent_training.learn_spaces latent_training.learn_from",
+)
 def recorded_touch(monkeypatch, tmp_path):
     """What was learned of two slides while the two others were left out, and its units."""
     toy = test_touch_transfer
@@ -663,8 +817,16 @@ def recorded_touch(monkeypatch, tmp_path):
     (first, *_), *_ = touch_transfer.parts_left_out(data[0], toy.FEW.folds)[NEW_TRIALS]
     spaces = each(monkeypatch, touch_transfer, "learn_spaces", learn)
     units = each(monkeypatch, touch_transfer, "own_units", spaces)
+    errors = each(monkeypatch, touch_transfer, "_errors", units)
+
+    def on_known(its):
+        """Errors on what all models, components among them, were learned from."""
+        return [table[table["new"] == touch_transfer.LEARNED] for table in errors(its)]
+
     sets = data, changed(first), changed(first + 1)
-    return [Case(lambda its, learned=learned: learned(its)[0], *sets) for learned in (units, spaces)]
+    return [
+        Case(lambda its, learned=learned: learned(its)[0], *sets) for learned in (on_known, units, spaces)
+    ]
 
 
 SKIN = committed_entry(
@@ -684,7 +846,7 @@ SKIN = committed_entry(
 )
 
 
-@of_stage("tasks/touch")
+@of_stage("tasks/touch", fits="skin_protocol._whole skin_readings.place_errors skin_touches.learn_skin")
 def recorded_skin(monkeypatch, tmp_path):
     """Of one run: without the blocks of a fold, and of the whole beside another run."""
     toy = test_touch_skin
@@ -699,6 +861,104 @@ def recorded_skin(monkeypatch, tmp_path):
     one_block = changed(0, fold == 0)
     yield Case(lambda its: whole(its)[0], data, changed(1, slice(None)), one_block)
     yield Case(lambda its: learn(its)[0], data, one_block, changed(0, fold == 1))
+
+
+@of_stage("tasks/touch", fits="skin_readings.readings skin_readings.polynomial")
+def readings_of_a_skin(monkeypatch, tmp_path):
+    """What all models read from touches known to them, beside others: of a fold and of another run."""
+    toy, real, known = test_touch_skin, skin_readings.readings, []
+    monkeypatch.setattr(skin_readings, "TUNING_SAMPLES", 20)
+
+    def remembered(learned, training, asked):
+        run, rows = training
+        both = zip(*(vars(its).values() for its in (run.skin(rows), asked)), strict=True)
+        beside = real(learned, training, PressedSkin(*map(np.concatenate, both)))
+        known.append([[its[: len(rows)] for _, its in arrays(one) if np.ndim(its)] for one in beside])
+        return real(learned, training, asked)
+
+    monkeypatch.setattr(skin_readings, "readings", remembered)
+    data = [toy.toy_run("a", 1, depth_mm=1.0, size=7), toy.toy_run("b", 2, size=7)]
+    fold = held_out(data[0].place[:, :2], 1e-3 * SKIN.block_mm, SKIN.folds)[1]
+    first = toy.touches(data[0], SKIN)
+    spaces = learn_skin(first, np.full(len(first.counts), True), with_dynamics=False)
+
+    def learn(logs, of_fold):
+        run, other = (toy.touches(log, SKIN) for log in logs)
+        with one_thread():
+            skin_readings.place_errors((spaces, run, 1 if of_fold else other))
+        return known.pop()
+
+    def changed(run, rows):
+        return swapped(data, run, with_wobbling(data[run], rows, "counts"))
+
+    trained_on = changed(0, fold == 0)
+    yield Case(partial(learn, of_fold=True), data, changed(0, fold == 1), trained_on)
+    yield Case(partial(learn, of_fold=False), data, changed(1, slice(None)), trained_on)
+
+
+def few_channels(log: TouchLog) -> TouchLog:
+    return replace(log, channels=log.channels[:3], counts=log.counts[:, :3])
+
+
+@of_stage("tasks/touch", fits="skin_readings._end_errors skin_readings.gaussian_process")
+def end_of_a_run(monkeypatch, tmp_path):
+    """Processes of a run's start, and among them those of its first part, by which inputs are chosen."""
+    monkeypatch.setattr(skin_readings, "TUNING_SAMPLES", 20)
+    share, whole = 0.8, few_channels(test_touch_skin.toy_strokes("a", presses=1))
+    kept = np.flatnonzero(np.isfinite(whole.force))
+    end = round(share * len(kept))
+    inner = round((1.0 - (1.0 - share) / share) * end)
+    learn = each(
+        monkeypatch,
+        skin_readings,
+        "gaussian_process",
+        lambda log: skin_readings.within_runs([log], share),
+    )
+
+    def changed(first, last=None):
+        return with_wobbling(
+            whole, slice(kept[first], None if last is None else kept[last]), "counts", "force"
+        )
+
+    trained_on = changed(9, 12)
+    yield Case(learn, whole, changed(end), trained_on)
+    yield Case(lambda log: learn(log)[:-1], whole, changed(inner, end), trained_on)
+
+
+@of_stage("tasks/touch", fits="skin_force._models skin_force._process")
+def forces(monkeypatch, tmp_path):
+    """Without one press, which also changes no lag; and of a whole recording beside another one."""
+    monkeypatch.setattr(skin_readings, "TUNING_SAMPLES", 20)
+    parameters, presses = SKIN.force.model_copy(update={"longest_lag_s": 0.8, "penalties": (0.1,)}), 4
+    strokes = test_touch_skin.toy_strokes
+    data = [few_channels(strokes(name, presses, gain)) for name, gain in (("a", 1.0), ("b", 1.1))]
+    models = each(monkeypatch, skin_force, "_models", lambda its: skin_force.force_errors(its, parameters, 9))
+    process = each(monkeypatch, skin_force, "_process", models)
+
+    def changed(run, *pressed):
+        time = data[run].time
+        rows = np.isin(time // 20.0, pressed) & (np.abs(time % 20.0 - 10.0) < 6.0)
+        return swapped(data, run, with_wobbling(data[run], rows, "counts", "force"))
+
+    other, one, trained_on = changed(1, *range(presses)), changed(0, LEFT_OUT), changed(0, ANOTHER)
+    yield Case(lambda its: process(its)[0], data, other, trained_on)
+    yield Case(lambda its: models(its)[presses], data, other, trained_on)
+    yield Case(lambda its: models(its)[LEFT_OUT], data, one, trained_on)
+
+
+@of_stage("tasks/touch", fits="skin_force._quadratic")
+def penalty_of_forces(monkeypatch, tmp_path):
+    """Presses that choose the penalty, every third, train nothing that they choose among."""
+    rng, press = np.random.default_rng(0), np.repeat(np.arange(6), 8)
+    data = skin_force.WeighedPresses(np.arange(48.0), rng.normal(size=(48, 3)), rng.normal(size=48), press)
+    learn = each(
+        monkeypatch, sklearn.linear_model, "Ridge", lambda its: skin_force._quadratic(its, (0.1, 1.0))
+    )
+
+    def changed(rows):
+        return data._replace(channels=wobbling(data.channels, rows), force=wobbling(data.force, rows))
+
+    return Case(lambda its: learn(its)[0], data, changed(press % 3 == 0), changed(press == 1))
 
 
 # --- the tests ---------------------------------------------------------------------------------------------
@@ -724,6 +984,8 @@ def arrays(models: Any, name: str = "") -> Iterator[tuple[str, np.ndarray]]:
     elif isinstance(models, FunctionType):
         inside = inspect.getclosurevars(models).nonlocals
         yield from arrays(inside, name)
+    elif isinstance(models, np.random.RandomState):
+        yield from arrays(models.get_state(), name)
     elif hasattr(models, "to_arrays"):
         yield from arrays(models.to_arrays(), name)
     elif hasattr(models, "__dict__"):
@@ -750,12 +1012,13 @@ def contents(values: np.ndarray) -> bytes:
 )
 def test_what_is_held_out_trains_nothing(make, monkeypatch, tmp_path):
     monkeypatch.setenv(BACKEND, "sequential")
-    found = make(monkeypatch, tmp_path)
-    for case in [found] if isinstance(found, Case) else found:
-        before = bits(case.learn(case.data))
-        after = bits(case.learn(case.held_out))
-        assert [name for name, values in before.items() if after[name] != values] == []
-        assert bits(case.learn(case.trained_on)) != before
+    with threadpool_limits(1):  # of small arrays threads take longer
+        found = make(monkeypatch, tmp_path)
+        for case in [found] if isinstance(found, Case) else found:
+            before = bits(case.learn(case.data))
+            after = bits(case.learn(case.held_out))
+            assert [name for name, values in before.items() if after[name] != values] == []
+            assert bits(case.learn(case.trained_on)) != before
 
 
 def stage_scripts() -> dict[str, Path]:
@@ -771,7 +1034,42 @@ def stage_scripts() -> dict[str, Path]:
 
 def test_every_stage_that_learns_has_a_case():
     """A new stage gets one, or a line that says why it holds nothing out."""
-    scripts = stage_scripts()
+    scripts = {*stage_scripts(), *(f"tasks/{one.stem}" for one in STAGES.glob("[a-z]*.py"))} - {"tasks/learn"}
+    scripts |= {f"recorded/{one.stem}" for one in (ROOT / "stages/recorded").glob("*.py")}
+    for place, kinds in (("tasks", STAGES.parent), ("recorded", SETS)):  # which runs one of these
+        scripts |= {f"{place}/{one.parent.name}" for one in kinds.glob("*/learning.py")}
     cases, others = {stage for stage, _ in CASES}, {*" ".join(HOLDS_NOTHING_OUT.values()).split()}
     assert {name for name in scripts if not name.endswith(SHOWS)} == cases | others
     assert not cases & others
+
+
+def fitting_functions() -> set[str]:
+    """Functions (`module.name`) that call what fits, where something can be held out."""
+    found = set()
+    for path in sorted(SOURCES.rglob("*.py")):
+        house, *parts = path.relative_to(SOURCES).with_suffix("").parts
+        if any(re.fullmatch(DRAWS, part) for part in parts):
+            continue
+        tree = ast.parse(path.read_text())
+        words = {getattr(node, "id", None) or getattr(node, "arg", None) or "" for node in ast.walk(tree)}
+        if (
+            house == "dissertation"
+            or parts[0] == "tasks"
+            or any(re.fullmatch(SEPARATES, word) for word in words)
+        ):
+            functions = (node for node in tree.body if isinstance(node, ast.FunctionDef))
+            found |= {f"{parts[-1]}.{one.name}" for one in functions if any(map(fits, ast.walk(one)))}
+    return found
+
+
+def fits(node: ast.AST) -> bool:
+    called = getattr(node, "func", None)
+    name = getattr(called, "attr", None) or getattr(called, "id", "")
+    return re.fullmatch(LEARNERS, name) is not None
+
+
+def test_every_fit_has_a_case():
+    """A stage may hold out several things: every function that fits one is compared, or says why not."""
+    others = {*" ".join(FITS_ALL.values()).split()}
+    assert fitting_functions() == FITS.keys() | others
+    assert not FITS.keys() & others

@@ -1,7 +1,9 @@
 """A skill held against a robot: what is tried, margins in closed form, and what is told of it."""
 
 import re
+import shutil
 from dataclasses import replace
+from itertools import pairwise
 from pathlib import Path
 
 import numpy as np
@@ -17,12 +19,12 @@ from structlearn.core.errors import InputError
 from structlearn.feedback.skill import ReactiveSkill, Workspace
 from structlearn.primitives.transformation import ALPHA, BETA
 from structlearn.reporting.document import Document, Panel, Source, render
-from structlearn.rigid_body.arm_kinematics import JointPath, read_arm
-from structlearn.rigid_body.urdf import urdf_path
+from structlearn.rigid_body.arm_kinematics import JointPath, read_arm, read_shapes
+from structlearn.rigid_body.urdf import named_files, urdf_path
 from structlearn.tasks.movement import check_results, check_section, skill_check
-from structlearn.tasks.movement.movement_parameters import Placement
+from structlearn.tasks.movement.parameters import Placement
 from structlearn.tasks.movement.skill_check import Unroll, unrolls
-from structlearn.tasks.task_entry import read_task
+from structlearn.tasks.task_entry import file_digests, read_task
 from structlearn.tasks.task_files import TaskFiles
 
 RATE_HZ = skill_check.RATE_HZ
@@ -253,10 +255,48 @@ def test_the_section_says_what_was_found(check, tmp_path, monkeypatch):
     assert all(name.startswith("check_") for name in section.find)
     assert len(section.tables["check"].frame) == 9  # quantities
     assert len(section.tables["check_runs"].frame) == check.metrics()["check_runs"]
-    sources = {"check": Source("data/tasks/pick/check", "stages/tasks/dvc.yaml:check@pick")}
+    sources = {"check": Source("data/tasks/pick/check", "check@pick")}
     its = {"facts": {"check": section.facts}, "tables": section.tables, "sources": sources}
     page = Document("check.html.jinja", "structlearn.tasks.movement", **its)
     panel = [Panel("figures/check_margins.svg", 700, 300)]
     text = render(page, dict.fromkeys(section.pictures, panel))
     assert "panda_grasptarget" in text
     assert "panda_joint7 0.80" in text
+
+
+MESHES = {
+    "package://robot/meshes/a.obj": "robot/meshes/a.obj",
+    "model://meshes/b.obj": "robot/meshes/b.obj",
+    "meshes/c.obj": "robot/meshes/c.obj",
+    "../beside.obj": "beside.obj",
+    "file://{}/absolute.obj": "absolute.obj",
+    "package://driver/d.obj": "ros/driver/d.obj",
+}
+LINK = """<link name="{0}"><collision><geometry><mesh filename="{1}"/></geometry></collision></link>"""
+JOINT = """<joint name="to_{1}" type="revolute"><parent link="{0}"/><child link="{1}"/>
+<limit lower="-1" upper="1" effort="1" velocity="1"/></joint>"""
+
+
+def test_a_robot_is_known_with_every_mesh_that_its_check_reads(tmp_path, monkeypatch):
+    """A check of another mesh is another check; meshes are found where Pinocchio finds them."""
+    monkeypatch.setenv("ROS_PACKAGE_PATH", str(tmp_path / "ros"))
+    names = {name.format(tmp_path): tmp_path / place for name, place in MESHES.items()}
+    for path in names.values():
+        path.parent.mkdir(parents=True, exist_ok=True)
+        shutil.copy(urdf_path("franka_panda/meshes/collision/link5.obj"), path)
+    links = [f"link_{number}" for number in range(len(names))]
+    parts = [LINK.format(*one) for one in zip(links, names, strict=True)]
+    parts += [JOINT.format(*pair) for pair in pairwise(links)]
+    urdf = tmp_path / "robot/arm.urdf"
+    urdf.write_text(f"<robot name='arm'>{''.join(parts)}<plugin filename='absent.so'/></robot>")
+    arm = read_arm(urdf, links[-1])
+    shapes = read_shapes(arm, (), np.zeros(len(links) - 1)).meshes.geometryObjects
+    read = {shape.name.removesuffix("_0"): Path(shape.meshPath) for shape in shapes}
+    assert {name: read[link] for name, link in zip(names, links, strict=True)} == named_files(urdf)
+    before = file_digests(str(urdf), meshes=True)
+    assert set(before) == {str(urdf), *(f"{urdf}: {name}" for name in names)}
+    for name, path in names.items():
+        path.write_text(path.read_text().replace("v ", "v 1", 1))
+        now = file_digests(str(urdf), meshes=True)
+        assert {key for key in now if now[key] != before[key]} == {f"{urdf}: {name}"}
+        before = now

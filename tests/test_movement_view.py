@@ -15,7 +15,7 @@ from structlearn.primitives.fitting import (
     segment_paths,
     whole_run_cuts,
 )
-from structlearn.tasks.movement import movement_view as view
+from structlearn.tasks.movement import view
 from structlearn.tasks.movement.movement_learning import segmented
 from structlearn.tasks.movement.phase_corrections import phase_networks
 from structlearn.viewer.recorded_demonstrations import write_demonstrations

@@ -85,6 +85,19 @@ def features_of(shapes, start=START, goal=GOAL, seed=3):
     return look_ahead.scene_features(scene, position, velocity, *arguments), mirrored
 
 
+def test_features_are_in_the_local_frame_of_a_turned_reach():
+    """In the open the path leads straight to the goal, wherever the reach points and the hand is."""
+    start, goal = np.array([0.1, -0.1, 0.8]), np.array([0.45, 0.1, 0.8])
+    frame = local_frame(start, goal)
+    scene = look_ahead.cost_to_go([], start, goal, PARAMETERS.model_copy(update={"nearness_cost": 0.0}))
+    position, velocity = np.array([[0.1, 0.05, 0.0], [0.2, -0.04, 0.01]]), np.full((2, 3), 0.3)
+    to_goal, ahead = (goal - start) @ frame, np.array([0.05, 0.1])
+    found = look_ahead.scene_features(scene, position, velocity, start, frame, to_goal, ahead)
+    left = (to_goal - position)[:, :2]
+    expected = ahead[:, None] * (left / np.linalg.norm(left, axis=1, keepdims=True))[:, None]
+    np.testing.assert_allclose(found[:, :4].reshape(2, 2, 2), expected, atol=0.01)  # as in the open
+
+
 def test_a_mirrored_scene_has_mirrored_features():
     goal = np.array(
         [0.0, 0.17, 0.8]

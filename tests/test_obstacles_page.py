@@ -12,6 +12,7 @@ from committed import committed
 from obstacles_world import PEOPLE, PLACES, POPULATION, PRIMITIVE, TESTED, demonstrations, evaluation
 from viewer_files import colour_of, contents, note, values, view_names
 
+from dissertation.evidence.claims import read_claims
 from dissertation.evidence.studies import Study
 from dissertation.obstacles.names import FREE, HIT, KINDS, SOURCES, model_name
 from dissertation.obstacles.page.findings import ObstacleResults, findings, read_published
@@ -26,7 +27,6 @@ from dissertation.obstacles.world.reaching_person import AvoiderParameters
 from dissertation.obstacles.world.scenarios import SceneParameters
 from structlearn.avoidance.avoidance_dataset import AvoidanceDataParameters
 from structlearn.avoidance.shapes import SHAPES
-from structlearn.reporting.claims import read_claims
 from structlearn.reporting.document import render
 
 

@@ -5,7 +5,6 @@ from dataclasses import replace
 import numpy as np
 import pytest
 import yaml
-from committed import ROOT, own_tasks
 from conftest import minimum_jerk
 from readers_bags import joint_messages, pose_messages, transform_messages, transform_stamped, write_bag
 
@@ -17,7 +16,7 @@ from structlearn.rigid_body.urdf import urdf_path
 from structlearn.tasks.inspection.proposal import from_home, task_name
 from structlearn.tasks.inspection.recordings_report import as_yaml, find_out, inspect
 from structlearn.tasks.inspection.source_survey import frame_pairs
-from structlearn.tasks.project import CLONE
+from structlearn.tasks.project import ENTRIES
 from structlearn.tasks.task_entry import read_task
 
 MS = 10**6
@@ -43,10 +42,9 @@ def answer(found, question):
 
 def as_task(entry, folder):
     """The task that an entry becomes at the end of the parameter file."""
-    own_tasks(folder)
-    (folder / CLONE / "own.yaml").write_text((ROOT / CLONE / "own.yaml").read_text() + entry)
+    (folder / ENTRIES).write_text(f"movement:\n{entry}")
     (name,) = yaml.safe_load(entry)
-    return read_task(name, folder / CLONE)
+    return read_task(name, folder / ENTRIES)
 
 
 def rewritten(source, target, topics, change=lambda topic, messages: messages):
@@ -357,6 +355,8 @@ def test_damaged_files_are_left_out_and_named(example, tmp_path, capsys):
 
 def test_a_name_for_the_task_is_one_for_folders_and_the_home_folder_is_not_written_out(tmp_path, monkeypatch):
     assert task_name("~/my bags (new)") == "my_bags_new"
+    assert task_name("~/bags/2026-01-02") == "task_2026_01_02"  # a number in YAML
+    assert task_name("~/---") == "task"
     (tmp_path / "a-b.mcap").write_bytes(b"")
     assert task_name(str(tmp_path / "a-b.mcap")) == "a_b"
     monkeypatch.setenv("HOME", "/home/somebody")

@@ -1,10 +1,11 @@
 """Independent work: the same results from a loop, processes and a cluster, also where processes die."""
 
 import os
+import socket
 import subprocess
 import sys
 import time
-from contextlib import suppress
+from contextlib import ExitStack, suppress
 from functools import partial
 from pathlib import Path
 
@@ -198,3 +199,59 @@ def test_a_cluster_without_workers(impatient):
         pytest.raises(InputError, match="no worker has joined within"),
     ):
         parallel_map(work.square, range(3), "squares")
+
+
+CLUSTER = """
+import sys
+from structlearn.core import parallel
+from structlearn.core.stage import run
+import parallel_work
+parallel._cluster()  # waits for the worker
+parallel.WORKERS_S, parallel.CHECK_S = 1.0, 0.2
+run(lambda: parallel.parallel_map(parallel_work.endless, sys.argv[1:], "work"))
+"""
+
+
+@pytest.mark.parametrize(
+    ("killed", "said"),
+    [("worker", "has had no worker for 1 s"), ("scheduler", "no longer answers")],
+)
+def test_a_cluster_that_ends_during_the_work_is_one_line(tmp_path, killed, said):
+    """Dask would wait for other workers without end."""
+    address = f"tcp://127.0.0.1:{unused_port()}"
+    (tmp_path / "work.py").write_text(CLUSTER)
+    environment = os.environ | {
+        "PYTHONPATH": str(Path(work.__file__).parent),
+        "STRUCTLEARN_BACKEND": "dask",
+        "DASK_SCHEDULER_ADDRESS": address,
+    }
+    words = {
+        "scheduler": ["--host", address, "--no-dashboard"],
+        "worker": [address, "--no-nanny", "--no-dashboard", "--nthreads", "1"],
+    }
+    with ExitStack() as ends:
+        started = {}
+        for name, its in words.items():
+            command = [sys.executable, "-m", f"distributed.cli.dask_{name}", *its]
+            started[name] = subprocess.Popen(
+                command, cwd=tmp_path, env=environment, stderr=subprocess.DEVNULL
+            )
+            ends.callback(started[name].wait)
+            ends.callback(started[name].kill)
+        stage = subprocess.Popen(
+            [sys.executable, "work.py", str(tmp_path / "begun")],
+            cwd=tmp_path, env=environment, stderr=subprocess.PIPE, text=True,
+        )  # fmt: skip
+        ends.callback(stage.kill)
+        while not (tmp_path / "begun").exists() and stage.poll() is None:
+            time.sleep(0.05)
+        started[killed].kill()
+        line = f"error: DASK_SCHEDULER_ADDRESS={address}: the Dask scheduler {said}; run it again\n"
+        assert stage.communicate(timeout=60)[1] == line
+    assert stage.returncode == 1
+
+
+def unused_port():
+    with socket.socket() as one:
+        one.bind(("127.0.0.1", 0))
+        return one.getsockname()[1]

@@ -93,7 +93,11 @@ def test_a_fault_is_named_with_its_file_and_dotted_key(tmp_path, text, expected)
     assert re.match(f"{re.escape(str(path))}: {expected}", str(error.value), re.DOTALL)
 
 
-FILES = ("params.yaml", "stages/tasks/params.yaml")
+FILES = (
+    "params.yaml",
+    "src/structlearn/tasks/stages/params.yaml",
+    "src/dissertation/recorded/calibration/params.yaml",
+)
 
 
 def read_by(script: Path) -> Iterator[tuple[str, type[Parameters]]]:

@@ -14,7 +14,7 @@ from structlearn.feedback.coupling_dataset import concatenated
 from structlearn.feedback.models.pmnn import open_loop
 from structlearn.feedback.trainers import TrainingParameters, train_final
 from structlearn.policy_search import refinement
-from structlearn.policy_search.pi2 import PI2Parameters, covariance_factor
+from structlearn.policy_search.pi2 import PI2Parameters, SearchDistribution, covariance_factor, sample
 from structlearn.policy_search.refinement import (
     FEEDBACK,
     IMPROVED,
@@ -132,6 +132,19 @@ def test_every_iteration_draws_anew(uninterrupted):
         drawn.append(np.linalg.solve(covariance_factor(before.covariance), (own - before.compressed).T))
     assert np.abs(drawn[0] - drawn[1]).max() > 0.5
     np.testing.assert_allclose([np.std(one) for one in drawn], 1.0, rtol=0.15)
+
+
+def test_the_search_starts_at_the_compressed_policy_with_the_given_standard_deviation(uninterrupted):
+    """Also after the first iteration: what the network does now, not what the last policy did (line 4)."""
+    _, states, _ = uninterrupted
+    np.testing.assert_allclose(states[0].covariance, EXPLORATION**2 * np.eye(KERNELS))
+    count = PARAMETERS.search.samples
+    for before, after in pairwise(states):
+        own = after.policies[len(before.policies) :][:count]
+        start = SearchDistribution(before.compressed, before.covariance)
+        expected = sample(start, count, np.random.default_rng([3, after.iteration]))
+        np.testing.assert_allclose(own, expected, rtol=1e-10)
+    assert np.abs(states[1].policies[-1] - states[1].compressed).max() > 0.1  # so the two can be told apart
 
 
 def test_seeds_follow_from_iteration_kind_and_number(uninterrupted, refined):

@@ -20,7 +20,13 @@ from structlearn.readers import (
     synchronise,
 )
 from structlearn.readers.bag import read_bag
-from structlearn.readers.clock import check_recording, in_order, longest_increase, shared_stamps
+from structlearn.readers.clock import (
+    check_recording,
+    held_out_error,
+    in_order,
+    longest_increase,
+    shared_stamps,
+)
 from structlearn.readers.source import AS_WRITTEN
 from structlearn.tasks.inspection import clocks as survey
 
@@ -104,6 +110,15 @@ def test_a_steady_turn_is_met_exactly_whatever_the_signs(seed):
         assert quaternion.angle_between(path, exact).max() < 1e-7
         np.testing.assert_allclose(np.linalg.norm(path, axis=1), 1, atol=1e-12)
         assert (np.sum(path[1:] * path[:-1], axis=1) > 0).all()
+
+
+def test_every_second_sample_is_predicted_without_it():
+    stamps = irregular(np.random.default_rng(0), 21, 100.0)
+    off = np.zeros((21, 2))
+    off[1::2] = [3.0, -1.0]
+    values = 1e-9 * (stamps - stamps[0])[:, None] + off
+    error = held_out_error(Stream("skin", "tactile", stamps, values))
+    np.testing.assert_allclose(error, (np.sqrt(5.0), 3.0), atol=1e-9)
 
 
 def test_every_kind_of_stream_finds_its_signal():

@@ -24,7 +24,8 @@ from structlearn.rigid_body.arm_kinematics import (
     read_shapes,
     rest_for,
 )
-from structlearn.rigid_body.tree import configuration
+from structlearn.rigid_body.robot import configuration
+from structlearn.rigid_body.tree import robot_arrays
 from structlearn.rigid_body.urdf import urdf_path
 
 DT = 0.005
@@ -247,7 +248,7 @@ def pinocchio_tool(robot, q, qd, qdd):
 
 def reference(robot, posture, q, qd, wanted):
     """Joint velocity and acceleration by the law."""
-    body, work = compiled_chain.body(robot.tree, robot.inertias), compiled_chain.workspace(7)
+    body, work = robot_arrays(robot.tree, robot.inertias), compiled_chain.workspace(7)
     compiled_chain.dynamics(body, q, qd, work)
     return joint_reference(VelocityControl(TOOL, posture, GAIN, 2.0), body, work, q, qd, *wanted)
 

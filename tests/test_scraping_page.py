@@ -25,6 +25,7 @@ from reporting_refinement import scores as refined_scores
 from reporting_scraping import noise_table, work_table
 from reporting_verdicts import AnyFigure
 
+from dissertation.evidence.claims import NO, UNDECIDED, YES, claims_table, combined, read_claims
 from dissertation.evidence.studies import OURS, stored_study
 from dissertation.scraping.page import findings as own
 from dissertation.scraping.page import page as module
@@ -42,17 +43,8 @@ from dissertation.scraping.page.tables import (
 from dissertation.scraping.protocol.execution_scores import AFTER, BEFORE, NOMINAL
 from dissertation.scraping.protocol.sample_efficiency import CMA_ES, PI2
 from dissertation.scraping.world.layout import EDGE_M, EDGE_WIDTH_M
-from structlearn.reporting.claims import (
-    NO,
-    NOT_TESTED,
-    UNDECIDED,
-    UNKNOWN,
-    YES,
-    claims_table,
-    combined,
-    read_claims,
-)
 from structlearn.reporting.document import render, words_in_view
+from structlearn.reporting.evidence import NOT_TESTED, UNKNOWN
 from structlearn.reporting.findings import Findings
 
 CLAIMS = "refinement_claims.yaml"

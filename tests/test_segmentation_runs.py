@@ -5,6 +5,7 @@ from itertools import pairwise, product
 
 import numpy as np
 import pytest
+from committed import EXAMPLE_TASK
 from conftest import minimum_jerk
 from hypothesis import given
 from hypothesis import strategies as st
@@ -18,9 +19,8 @@ from structlearn.segmentation import motion_runs as runs
 from structlearn.segmentation.parameters import SegmentParameters
 from structlearn.segmentation.run_assignment import DISPLACED, HASTE, LEFT_OUT, MISSING, RESTED, assign
 from structlearn.segmentation.segments import cut, read_segmentation, write_segmentation
-from structlearn.tasks.task_entry import read_task
 
-TASK = read_task("pick")
+TASK = EXAMPLE_TASK
 SPEED = np.array([0, 0, 2, 3, 1, 0, 0, 0, 4, 4, 0, 5, 0, 0], dtype=float)
 
 

@@ -9,6 +9,7 @@ import reporting_verdicts
 from committed import committed
 from tactile_toy import toy_dataset
 
+from dissertation.evidence.claims import claims_table
 from dissertation.evidence.studies import OURS as STUDIED
 from dissertation.evidence.studies import Study
 from dissertation.servoing.names import AS_PUBLISHED, DYNAMICS, OURS, STILL
@@ -32,8 +33,8 @@ from dissertation.servoing.protocol.servo_variants import (
 )
 from dissertation.simulation.touch_demonstrator import ToucherParameters
 from structlearn.core.params import Population
-from structlearn.reporting.claims import Evidence, claims_table
 from structlearn.reporting.document import render
+from structlearn.reporting.evidence import Evidence
 from structlearn.reporting.findings import Findings
 from structlearn.tactile.electrodes import SKINS
 from structlearn.tactile.latent_parameters import GeodesicParameters, LatentParameters

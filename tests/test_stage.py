@@ -1,5 +1,6 @@
 import os
 import resource
+import runpy
 import subprocess
 import sys
 import time
@@ -86,3 +87,14 @@ def test_a_disk_without_room_for_compiled_code_is_one_line(tmp_path):
         preexec_fn=lambda: resource.setrlimit(resource.RLIMIT_FSIZE, (100, 100)),
     )  # fmt: skip
     assert (ended.returncode, ended.stderr) == (1, "error: a file: File too large\n")
+
+
+@pytest.mark.parametrize("words", [[], ["none"], ["none", "segment"]])
+@pytest.mark.parametrize("script", ["stages/list_code.py", "stages/studies/cell.py"])
+def test_a_script_that_takes_words_says_which(root, monkeypatch, capsys, script, words):
+    monkeypatch.chdir(root)
+    monkeypatch.setattr(sys, "argv", [script, *words])
+    with pytest.raises(SystemExit) as exit_:
+        runpy.run_path(script, run_name="__main__")
+    assert exit_.value.code == 1
+    assert capsys.readouterr().err.startswith(f"error: {script}: ")

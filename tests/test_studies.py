@@ -15,9 +15,9 @@ from dissertation.evidence import study_tables
 from dissertation.evidence.studies import (
     RESULTS,
     Check,
-    Made,
     Origin,
     Study,
+    StudyProvenance,
     extended,
     provenance,
     read_study,
@@ -226,7 +226,7 @@ CHECK = Check(cell="3", commit="0a1b2c3", processor="here", exact=True, compared
 def test_a_study_says_by_whose_code_each_cell_was_made_and_which_was_run_again(cells, check, made, outcome):
     again = None if check is None else CHECK.model_copy(update=check)
     origins = {str(number): origin for number, origin in enumerate(cells, 1)}
-    study = Study({}, Made(parameters={}, seeds=[], cells=origins, check=again))
+    study = Study({}, StudyProvenance(parameters={}, seeds=[], cells=origins, check=again))
     told = f"; cell 3 repeated by 0a1b2c3: 70 numbers, {outcome}" if outcome else ", not repeated since"
     words = f"made by commit {made}{told}"
     assert provenance(study) == words

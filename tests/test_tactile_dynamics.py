@@ -25,7 +25,7 @@ from structlearn.tactile.latent_models import LatentModels, StackedAutoencoders,
 from structlearn.tactile.latent_parameters import NetworkParameters
 from structlearn.tactile.latent_training import CHAIN_STEPS
 from structlearn.tactile.servo_controller import (
-    Caution,
+    ModelTrust,
     RestingServo,
     ServoParameters,
     action_slope,
@@ -273,5 +273,5 @@ def controller(inverse, horizon=1, by_likelihood=True, action_penalty=0.01):
         (0, 1), 19, committed(NetworkParameters, "train_latent.networks"), torch.Generator().manual_seed(3)
     ).detached()
     parameters = ServoParameters(inverse=inverse, horizon=horizon, action_penalty=action_penalty)
-    servo = RestingServo(models, UNITS, True, parameters, 100 / 31, 6, Caution(by_likelihood, 1.5, 1.0))
+    servo = RestingServo(models, UNITS, True, parameters, 100 / 31, 6, ModelTrust(by_likelihood, 1.5, 1.0))
     return servo, np.random.default_rng(0).normal(size=(2, 7, 3))

@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 from committed import committed
 
-from dissertation.recorded import touch_calibration
-from dissertation.recorded.touch_calibration import FingerTrace, finger_traces
+from dissertation.recorded.calibration import touch_calibration
+from dissertation.recorded.calibration.touch_calibration import FingerTrace, finger_traces
 from structlearn.core.errors import InputError
 from structlearn.readers.demonstration import Recording, Stream
 from structlearn.tasks.touch.touch_names import CALIBRATED, REFERENCE

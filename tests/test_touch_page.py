@@ -11,12 +11,12 @@ from committed import ROOT, committed_entry
 from reporting_verdicts import AnyFigure, verdicts
 from test_touch_calibration import PARAMETERS, calibrated
 
-from dissertation.recorded import calibration_section
-from dissertation.recorded.transfer_section import find_transfer
+from dissertation.evidence.claims import judge, read_claims
+from dissertation.recorded import set_page
+from dissertation.recorded.calibration import calibration_section
+from dissertation.recorded.transfer.page import find_transfer
 from structlearn.core.artefacts import write_csv, write_table
-from structlearn.reporting.claims import judge, read_claims
-from structlearn.reporting.document import environment, render, words_in_view
-from structlearn.tasks import task_page
+from structlearn.reporting.document import render, words_in_view
 from structlearn.tasks.task_entry import source_digests, write_task
 from structlearn.tasks.task_files import LEFT_OUT, TaskFiles
 from structlearn.tasks.touch.skin_section import SkinRuns, find_skin
@@ -102,18 +102,17 @@ FIND = {
 @pytest.mark.parametrize("name", MADE_UP)
 def test_every_claim_can_say_yes(name):
     """That each can say no as well is a test of its own, over all pages."""
-    claims = read_claims(ROOT / f"stages/tasks/claims/{name}.yaml")
-    judged = judge(claims, FIND[name](MADE_UP[name]()), environment(task_page.PACKAGE), {})
+    claims = read_claims(ROOT / f"src/dissertation/recorded/claims/{name}.yaml")
+    judged = judge(claims, FIND[name](MADE_UP[name]()), {})
     assert {one.verdict for one in judged} == {"yes"}
 
 
 @pytest.fixture
 def shown(tmp_path, monkeypatch):
     """Of a task with these tables: its page in HTML, and what was found."""
-    (tmp_path / "stages").symlink_to(ROOT / "stages")
     monkeypatch.chdir(tmp_path)
     published = []
-    monkeypatch.setattr(task_page, "publish_report", lambda *given, **_: published.append(given))
+    monkeypatch.setattr(set_page, "publish_judged", lambda *given, **_: published.append(given))
 
     def show(name, tables):
         files = TaskFiles(name)
@@ -122,8 +121,8 @@ def shown(tmp_path, monkeypatch):
         write_task(entry, source_digests(entry), files.parameters)
         write_csv(pd.DataFrame({"file": [], "reason": []}), files.recorded / LEFT_OUT)
         for table, its in tables.items():
-            write_table(its, files.folder / f"touch/{table}.parquet")
-        task_page.publish_page(files)
+            write_table(its, files.learned / f"{table}.parquet")
+        set_page.publish_set(files)
         _, pages, drawn, _, find = published[-1]
         page = render(pages["index"], AnyFigure())
         assert words_in_view(page) <= 1000
@@ -187,7 +186,7 @@ def test_slides_over_one_material_are_enough(shown):
 
 def test_calibration_says_what_agrees():
     equal, stronger = (calibration_section.find_calibration(calibrated(gain)) for gain in (1.0, 3.0))
-    claims = {"package": "structlearn.tasks.touch", "file": "calibration_claims.yaml"}
+    claims = {"package": "dissertation.recorded.calibration", "file": "calibration_claims.yaml"}
     assert set(verdicts(found=equal, **claims).values()) == {"yes"}
     words = verdicts(found=stronger, **claims)
     assert (words["contact"], words["noise"]) == ("no", "yes")

@@ -19,7 +19,7 @@ from structlearn.tasks.touch import touch_names as names
 from structlearn.tasks.touch.skin_protocol import learn_touch, table_of
 from structlearn.tasks.touch.skin_section import SkinRuns, find_skin
 from structlearn.tasks.touch.skin_touches import folds_of, gathered
-from structlearn.tasks.touch.touch_view import write_skin
+from structlearn.tasks.touch.view import write_skin
 
 CHANNELS = tuple(str(channel) for channel in range(15))
 

@@ -7,9 +7,9 @@ import pytest
 from committed import committed_entry
 from tactile_toy import toy_dataset, toy_geodesics
 
-from dissertation.recorded import touch_transfer
 from dissertation.recorded.readers import clmc, slide
-from dissertation.recorded.touch_transfer import TouchSet
+from dissertation.recorded.transfer import learning as touch_transfer
+from dissertation.recorded.transfer.learning import TouchSet
 from structlearn.core.errors import InputError, MissingInputError
 from structlearn.readers import synchronise
 from structlearn.readers.demonstration import Demonstration

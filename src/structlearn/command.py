@@ -19,8 +19,6 @@ entry overrides `structlearn defaults`, for example
         topics: {pose: /gripper/pose}
         segment: {primitives: [reach, pour, retreat]}
         robot: {urdf: ~/arm.urdf, tip: tool0}
-
-In a clone of structlearn the same commands work on `stages/tasks/own.yaml`.
 """
 
 import argparse
@@ -28,44 +26,32 @@ import os
 import shutil
 import subprocess
 import sys
+import tempfile
 from collections.abc import Callable, Sequence
 from pathlib import Path
 
 import yaml
 
+from structlearn import __version__
 from structlearn.core.artefacts import publish
 from structlearn.core.errors import InputError
 from structlearn.core.params import home_path
 from structlearn.core.stage import run
 from structlearn.tasks import project
+from structlearn.tasks.kinds import KINDS
 from structlearn.tasks.task_files import NAME_RULE, TaskFiles, is_name
-
-KINDS = ("movement", "motion", "touch", "obstacles")
 
 HEADER = """\
 # Tasks of this project by kind of data. An entry overrides the defaults of the package, which
 # `structlearn defaults` prints. `structlearn run` runs all tasks, `structlearn run NAME` one.
 """
 
-PIPELINE_HEADER = """\
-# Made by `structlearn new`: the stages of the installed package over the tasks in structlearn.yaml.
-# One stage of one task: dvc repro segment@NAME
-"""
-
-IGNORED = """\
-/data/code
-/data/tasks
-/reports/tasks/*/rerun
-/reports/times.json
-.running-*
-__pycache__
-"""
-
 
 def main(words: list[str] | None = None) -> None:
     """Run one of the commands; on invalid input, print one line and exit with code 1."""
     given = _arguments(words)
-    run(lambda: given.do(given))
+    sys.path.insert(0, "")  # modules that entries name may be in the project
+    run(lambda: given.do(given), stage=False)
 
 
 def new(given: argparse.Namespace) -> None:
@@ -75,20 +61,20 @@ def new(given: argparse.Namespace) -> None:
         raise InputError(f"{name!r}: {NAME_RULE}")
     if folder.exists() and any(folder.iterdir()):
         raise InputError(f"{folder}: already exists and is not empty")
+    if entries := project.entries_above(folder):
+        raise InputError(
+            f"{folder}: is inside of a project; add an entry to {entries}, or choose another place"
+        )
     source = home_path(given.source)
     if not source.exists():
         raise InputError(f"{given.source}: no such file or folder")
     entry = _entry(given, name, source.resolve())
     with publish(folder) as target:
         target.mkdir()
-        others = "".join(f"{kind}: {{}}\n" for kind in KINDS if kind != given.kind)
-        text = "\n".join(["", f"{given.kind}:", *entry, "", others])
-        (target / project.LAB).write_text(HEADER + text)
-        pipeline = yaml.safe_dump(project.lab_pipeline(), sort_keys=False, width=110)
-        (target / "dvc.yaml").write_text(PIPELINE_HEADER + pipeline)
-        (target / ".gitignore").write_text(IGNORED)
+        text = "\n".join(["", f"{given.kind}:", *entry, ""])
+        project.write_project(target, HEADER + text, project.packaged_pipeline())
     _begin(folder)
-    print(f"{folder}: look at {folder / project.LAB}, then: cd {folder} && structlearn run")
+    print(f"{folder}: look at {folder / project.ENTRIES}, then: cd {folder} && structlearn run")
 
 
 def _entry(given: argparse.Namespace, name: str, source: Path) -> list[str]:
@@ -122,9 +108,9 @@ def make(given: argparse.Namespace) -> None:
     """Bring all tasks up to date, or one: from recordings to a page."""
     from structlearn.tasks.task_entry import targets
 
-    stages = targets(project.entry_files()[-1].name, given.task or "")
+    stages = targets(given.task or "")
     if not stages:
-        raise InputError(f"{project.entry_files()[-1]}: has no task")
+        raise InputError(f"{project.ENTRIES}: has no task")
     _dvc(Path(), "repro", "--keep-going", *stages)
     names = dict.fromkeys(stage.rpartition("@")[2] for stage in stages)
     print(*(f"{TaskFiles(name).report}/index.html is up to date" for name in names), sep="\n")
@@ -133,19 +119,21 @@ def make(given: argparse.Namespace) -> None:
 def check(given: argparse.Namespace) -> None:
     """Check whether the robot of a task can follow its skill."""
     from structlearn.tasks.movement import check_results
-    from structlearn.tasks.task_entry import read_task
 
-    read_task(given.task)
-    _dvc(Path(), "repro", "--quiet", f"{project.pipeline()}:check@{given.task}")
+    _require_movement(given.task)
+    _dvc(Path(), "repro", "--quiet", f"check@{given.task}")
     if not check_results.main(TaskFiles(given.task)):
         sys.exit(1)
 
 
 def view(given: argparse.Namespace) -> None:
     """Open the recordings of a task in 3-D."""
+    from structlearn.tasks.task_entry import read_task
+
     folder = TaskFiles(given.task).report / "rerun"
     files = sorted(map(str, folder.glob("*.rrd")))
     if not files:
+        read_task(given.task)
         raise InputError(f"{folder}: no recordings; make them first: structlearn run {given.task}")
     if not given.web and sys.platform == "linux" and not {"DISPLAY", "WAYLAND_DISPLAY"} & set(os.environ):
         raise InputError(
@@ -160,10 +148,11 @@ def view(given: argparse.Namespace) -> None:
 def export(given: argparse.Namespace) -> None:
     """Write the demonstrations of a task as a LeRobotDataset (v3.0)."""
     from structlearn.tasks.movement.lerobot_export import write_lerobot
-    from structlearn.tasks.movement.movement_parameters import MovementEntry
+    from structlearn.tasks.movement.parameters import MovementEntry
 
     files = TaskFiles(given.task)
     if not files.segments.exists():
+        _require_movement(given.task)
         raise InputError(f"{files.segments}: does not exist; make it first: structlearn run {given.task}")
     target, entry = given.to or Path(given.task), files.entry(MovementEntry)
     if target.exists():
@@ -174,9 +163,17 @@ def export(given: argparse.Namespace) -> None:
     print(f"{target}: LeRobotDataset of {count} episodes")
 
 
+def _require_movement(task: str) -> None:
+    """Raise InputError if there is no such task, or it is of another kind."""
+    from structlearn.tasks.task_entry import read_task
+
+    if (kind := read_task(task).kind) != "movement":
+        raise InputError(f"{project.ENTRIES}: {kind}.{task}: is not a movement")
+
+
 def defaults(given: argparse.Namespace) -> None:
     """Print the keys of an entry with units and defaults."""
-    print(project.defaults_file().read_text(encoding="utf-8"), end="")
+    print(project.DEFAULTS.read_text(encoding="utf-8"), end="")
 
 
 def inspect(given: argparse.Namespace) -> None:
@@ -194,7 +191,16 @@ def excite(given: argparse.Namespace) -> None:
 
 
 def _dvc(folder: Path, *words: str) -> None:
-    """Run DVC with this environment's programs first on the path; exit with its code if it fails."""
+    """Run DVC with this environment's programs first on the path; exit with its code if it fails.
+
+    Raises InputError: the folder is not writable.
+    """
+    try:
+        tempfile.TemporaryFile(dir=folder).close()
+    except OSError as error:
+        raise InputError(f"{folder.resolve()}: cannot be written: {error.strerror}") from error
+    if (folder / project.PIPELINE).exists():
+        project.write_code(folder)
     path = os.pathsep.join([str(Path(sys.executable).parent), os.environ.get("PATH", "")])
     done = subprocess.run(
         [_beside_python("dvc"), *words], cwd=folder, env=os.environ | {"PATH": path}, check=False
@@ -223,6 +229,7 @@ def _arguments(words: list[str] | None) -> argparse.Namespace:
     parser = argparse.ArgumentParser(
         prog="structlearn", description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
     )
+    parser.add_argument("--version", action="version", version=f"structlearn {__version__}")
     commands = parser.add_subparsers(required=True, metavar="COMMAND")
 
     def command(name: str, do: Callable[[argparse.Namespace], None]) -> argparse.ArgumentParser:

@@ -22,7 +22,7 @@ from structlearn.rigid_body.model_names import IDEAL, ROBOT
 def main() -> None:
     parameters = stage_parameters("record_motion", RecordMotionParameters)
     motion = stage_parameters("arm_motion", ArmMotionParameters).used
-    perturbed = stage_parameters("stand_in", PerturbedRobotParameters)
+    perturbed = stage_parameters("perturbed_robot", PerturbedRobotParameters)
     arm = stage_parameters("arm", ArmParameters)
     robot = arm.read()
     # the first log is made in this process, which compiles the arm once instead of once per worker

@@ -33,7 +33,7 @@ def main() -> None:
 
     seeds = [int(seed) for seed in outcomes[outcomes["arm"] == IDEAL]["seed"].unique()]
     beds = [(testbed(IDEAL, seeds, seeds[0], ideal(robot.inertias)), IDEAL, parameters.models)]
-    perturbed = stage_parameters("stand_in", PerturbedRobotParameters)
+    perturbed = stage_parameters("perturbed_robot", PerturbedRobotParameters)
     for seed in robots:
         mechanics = perturbed_mechanics(robot.tree, robot.inertias, perturbed, seed)
         bed = testbed(ROBOT, [seed], robots[0], mechanics)

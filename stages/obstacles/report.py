@@ -1,5 +1,7 @@
 """Report of the obstacle testbed: figures, tables, findings and their page."""
 
+from dissertation.evidence.claims import quoted_claims
+from dissertation.evidence.page import publish_judged
 from dissertation.evidence.studies import read_study
 from dissertation.obstacles import files
 from dissertation.obstacles.page.figures import figures
@@ -20,8 +22,6 @@ from structlearn.core.artefacts import read_table
 from structlearn.core.params import Population
 from structlearn.core.stage import run, stage_parameters
 from structlearn.readers.demonstration import read_runs
-from structlearn.reporting.claims import quoted_claims
-from structlearn.reporting.publishing import publish_report
 
 PARAMETERS = {
     "obstacle_scene": SceneParameters,
@@ -54,7 +54,7 @@ def main() -> None:
     published = read_published()
     find = findings(results, published)
     page, drawings = document(results, find), figures(results, published["largest_nmse"])
-    publish_report(files.REPORT, {"index": page}, drawings, page.tables, find, recorded=quoted_claims())
+    publish_judged(files.REPORT, {"index": page}, drawings, page.tables, find, recorded=quoted_claims())
 
 
 if __name__ == "__main__":

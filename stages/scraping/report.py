@@ -1,5 +1,7 @@
 """Report of the scraping testbed: three pages with figures, tables and findings."""
 
+from dissertation.evidence.claims import quoted_claims
+from dissertation.evidence.page import publish_judged
 from dissertation.scraping.files import ScrapingFiles
 from dissertation.scraping.page.findings import findings
 from dissertation.scraping.page.page import drawings, pages, published
@@ -19,8 +21,6 @@ from structlearn.feedback.trainers import TrainingParameters
 from structlearn.primitives.fitting import FitParameters
 from structlearn.primitives.sequence import GeneraliseParameters
 from structlearn.readers.source import ClockParameters
-from structlearn.reporting.claims import quoted_claims
-from structlearn.reporting.publishing import publish_report
 from structlearn.segmentation.parameters import SegmentParameters
 
 PARAMETERS = {
@@ -59,7 +59,7 @@ def main() -> None:
     find, shown = findings(stored, frames), tables(frames)
     documents = pages(stored, frames, find, shown, printed, PARAMETERS)
     drawn = drawings(stored, frames)
-    publish_report("reports/scraping", documents, drawn, shown, find, recorded=quoted_claims())
+    publish_judged("reports/scraping", documents, drawn, shown, find, recorded=quoted_claims())
 
 
 if __name__ == "__main__":

@@ -1,5 +1,7 @@
 """Report of the servoing testbed: figures, tables, findings and their page."""
 
+from dissertation.evidence.claims import quoted_claims
+from dissertation.evidence.page import publish_judged
 from dissertation.evidence.studies import read_study
 from dissertation.servoing import files
 from dissertation.servoing.page.figures import drawings
@@ -10,8 +12,6 @@ from dissertation.simulation.touch_demonstrator import ToucherParameters
 from structlearn.core.artefacts import read_table
 from structlearn.core.params import Population
 from structlearn.core.stage import run, stage_parameters
-from structlearn.reporting.claims import quoted_claims
-from structlearn.reporting.publishing import publish_report
 from structlearn.tactile.latent_parameters import GeodesicParameters, LatentParameters
 from structlearn.tactile.touch_dataset import TouchDataParameters, read_dataset
 
@@ -41,7 +41,7 @@ def main() -> None:
     )
     find = findings(results)
     page, drawn = document(results, find), drawings(results)
-    publish_report("reports/servoing", {"index": page}, drawn, page.tables, find, recorded=quoted_claims())
+    publish_judged("reports/servoing", {"index": page}, drawn, page.tables, find, recorded=quoted_claims())
 
 
 if __name__ == "__main__":

@@ -4,12 +4,16 @@ import sys
 from pathlib import Path
 
 from dissertation.evidence.study_tables import CELLS, read_descriptions, run_cell, write_cell
+from structlearn.core.errors import InputError
 from structlearn.core.stage import run
 
 
 def main() -> None:
-    name, cell = sys.argv[1:]
-    tables = run_cell(name, read_descriptions()[name], cell, Path.cwd())
+    descriptions, words = read_descriptions(), sys.argv[1:]
+    if len(words) != 2 or words[0] not in descriptions:
+        raise InputError(f"{sys.argv[0]}: needs a study and a cell of it; studies: {', '.join(descriptions)}")
+    name, cell = words
+    tables = run_cell(name, descriptions[name], cell, Path.cwd())
     write_cell(tables, CELLS / name / cell, Path.cwd())
 
 

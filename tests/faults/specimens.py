@@ -35,7 +35,7 @@ from structlearn.readers.foreign_tables import read_stamped_table
 from structlearn.readers.joint_log import DriveLog, JointLog, read_log_table, signals_of, write_log_table
 from structlearn.readers.lerobot import read_movement
 from structlearn.readers.user_tables import read_touch_table
-from structlearn.rigid_body.tree import read_urdf
+from structlearn.rigid_body.robot import read_urdf
 from structlearn.segmentation.parameters import SegmentParameters
 from structlearn.tasks.task_entry import read_task
 from structlearn.verify import changed, outputs
@@ -134,9 +134,7 @@ def _episodes(path: Path) -> list:
 
 def _tasks(path: Path) -> None:
     move = {"name": "move", "axis": "z", "threshold_m_s": 0.02}
-    own_tasks(
-        path.parents[2], reach={"source": "x", "topics": {"pose": "/p"}, "segment": {"primitives": [move]}}
-    )
+    own_tasks(path.parent, reach={"source": "x", "topics": {"pose": "/p"}, "segment": {"primitives": [move]}})
 
 
 def _taken(path: Path) -> Any:
@@ -189,7 +187,7 @@ UNSIGNED = {
         lambda path: path.write_text(yaml.safe_dump({"segment": parameter_tree({})["segment"]})),
         lambda path: read_parameters(path, "segment", SegmentParameters),
     ),
-    "stages/tasks/own.yaml, stages/tasks/params.yaml": (_tasks, lambda path: read_task("reach", path.parent)),
+    "structlearn.yaml": (_tasks, lambda path: read_task("reach", path)),
     "touches.csv, touches.parquet": (_touches, lambda path: read_touch_table(path, None)),
     "measurements_1.npz": (
         lambda path: write_kuka(path.parent), lambda path: kuka_lwr4.read_motion(path.parent)

@@ -31,7 +31,7 @@ from structlearn.feedback.skill_file import KIND, read_skill
 from structlearn.readers import read_demonstrations, read_recording
 from structlearn.readers.foreign_tables import read_stamped_table
 from structlearn.readers.lerobot import read_movement
-from structlearn.rigid_body.tree import read_urdf
+from structlearn.rigid_body.robot import read_urdf
 
 STAMPS = (10**9 + 10_000_000 * np.arange(4)).tolist()
 

@@ -20,7 +20,8 @@ from structlearn.readers.joint_log import JointLog
 from structlearn.rigid_body.dynamics_models import DynamicsModels, predicted_torques, rigid_body_torques
 from structlearn.rigid_body.model_names import DEFAULT, GROUND_TRUTH, model_name
 from structlearn.rigid_body.motion import Motion
-from structlearn.rigid_body.tree import KinematicTree, Robot
+from structlearn.rigid_body.robot import Robot
+from structlearn.rigid_body.tree import KinematicTree
 from structlearn.viewer.arm_meshes import arm_contents, arm_view, followed_plots, send_arm, send_followed
 from structlearn.viewer.rrd import (
     entity,

@@ -9,11 +9,13 @@ from pathlib import Path
 
 import pandas as pd
 
+from dissertation.evidence.claims import VERDICTS, combined
+from dissertation.evidence.page import TEMPLATES
 from structlearn.core.artefacts import read_csv
 from structlearn.core.errors import InputError
 from structlearn.core.params import Parameters, read_values
-from structlearn.reporting.claims import NOT_TESTED, VERDICTS, combined
-from structlearn.reporting.document import Made, environment
+from structlearn.reporting.document import Provenance, environment
+from structlearn.reporting.evidence import NOT_TESTED
 
 RECORDED = "recorded"
 """Folder of the report on recorded data; machines without the data use the claims in `claims.QUOTED`."""
@@ -77,7 +79,7 @@ def read_front_page(path: Path) -> FrontPage:
 
 
 def render_front(
-    page: FrontPage, claims: Mapping[str, pd.DataFrame], tasks: Mapping[str, str], made: Made
+    page: FrontPage, claims: Mapping[str, pd.DataFrame], tasks: Mapping[str, str], made: Provenance
 ) -> str:
     """Render the front page to HTML.
 
@@ -85,11 +87,11 @@ def render_front(
     lacks a claim or case that the page uses.
     """
     counts = {report: _counts(table) for report, table in claims.items()}
-    tiles = {name: [in_words(tile, claims) for tile in card.tiles] for name, card in page.cards.items()}
-    template = environment("structlearn.reporting").get_template("front.html.jinja")
+    tiles = {name: [answer(tile, claims) for tile in card.tiles] for name, card in page.cards.items()}
+    template = environment(TEMPLATES).get_template("front.html.jinja")
     return template.render(
         page=page,
-        findings=[(one, *_told(one, claims)) for one in page.findings],
+        findings=[(one, *_answers(one, claims)) for one in page.findings],
         tiles=tiles,
         counts=counts,
         totals={word: sum(its[word] for its in counts.values()) for word in VERDICTS},
@@ -103,17 +105,17 @@ def findings_table(page: FrontPage, claims: Mapping[str, pd.DataFrame]) -> str:
     """Findings as a Markdown table, for the README."""
     lines = ["| question | published | simulated | recorded |", "|---|---|---|---|"]
     for one in page.findings:
-        told = [f"{words} (**{verdict}**)" if words else "" for words, verdict in _told(one, claims)]
+        told = [f"{words} (**{verdict}**)" if words else "" for words, verdict in _answers(one, claims)]
         lines.append(f"| {one.question} | {one.published} | {told[0]} | {told[1]} |")
     return "\n".join(lines) + "\n"
 
 
-def _told(one: Finding, claims: Mapping[str, pd.DataFrame]) -> list[tuple[str, str]]:
+def _answers(one: Finding, claims: Mapping[str, pd.DataFrame]) -> list[tuple[str, str]]:
     """Text and verdict, simulated and recorded; empty if there is none."""
-    return [in_words(row, claims) if row else ("", "") for row in (one.simulated, one.recorded)]
+    return [answer(row, claims) if row else ("", "") for row in (one.simulated, one.recorded)]
 
 
-def in_words(row: Row, claims: Mapping[str, pd.DataFrame]) -> tuple[str, str]:
+def answer(row: Row, claims: Mapping[str, pd.DataFrame]) -> tuple[str, str]:
     """Text of a row with its numbers, and its verdict. Raises InputError: the claim or case is missing."""
     table = claims[row.report]
     where = f"{row.report}: claim {row.claim}{f' of {row.set}' if row.set else ''}"

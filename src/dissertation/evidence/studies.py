@@ -44,7 +44,7 @@ class Check(Parameters):
     different: list[str]  # tables and columns with differences
 
 
-class Made(Parameters):
+class StudyProvenance(Parameters):
     """Provenance of a study, the content of `study.json`."""
 
     parameters: dict[str, str]  # digests by key of `params.yaml`, see `digests`
@@ -53,7 +53,7 @@ class Made(Parameters):
     check: Check | None  # None until a cell was run again
 
 
-UNKNOWN = Made(parameters={}, seeds=[], cells={}, check=None)  # for tables made up by tests
+UNKNOWN = StudyProvenance(parameters={}, seeds=[], cells={}, check=None)  # for tables made up by tests
 
 
 @dataclass(frozen=True)
@@ -61,7 +61,7 @@ class Study:
     """Results of a study."""
 
     tables: Mapping[str, pd.DataFrame]  # by name, each starting with the columns `KEYS`
-    made: Made = UNKNOWN
+    made: StudyProvenance = UNKNOWN
 
     @property
     def table(self) -> pd.DataFrame:
@@ -113,7 +113,7 @@ def stored_study(folder: Path) -> Study:
 
     Raises InputError: a file is missing, damaged or lacks its commit.
     """
-    return Study(*stored(folder / "study.json", Made))
+    return Study(*stored(folder / "study.json", StudyProvenance))
 
 
 def stored(path: Path, made: type[ParametersType]) -> tuple[dict[str, pd.DataFrame], ParametersType]:

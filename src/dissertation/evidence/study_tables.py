@@ -24,14 +24,15 @@ import pandas as pd
 import yaml
 from pydantic import Field
 
+from dissertation.evidence.page import TEMPLATES, JudgedDocument
 from dissertation.evidence.studies import (
     KEYS,
     OURS,
     RESULTS,
     Check,
-    Made,
     Origin,
     Study,
+    StudyProvenance,
     digests,
     provenance,
     stored,
@@ -41,7 +42,7 @@ from structlearn.core.artefacts import publish, read_csv, write_csv
 from structlearn.core.errors import InputError
 from structlearn.core.params import Parameters, checked, read_values, value_at
 from structlearn.core.stage import run
-from structlearn.reporting.document import Document, render, source_commit
+from structlearn.reporting.document import render, source_commit
 from structlearn.reporting.findings import read_findings, values_by_key
 
 DESCRIPTIONS = Path("stages/studies/studies.yaml")
@@ -227,7 +228,7 @@ def studies_page(descriptions: Mapping[str, Description]) -> str:
     found = {name: stored_study(RESULTS / name) for name in names}
     told = {name: provenance(study) for name, study in found.items()}
     facts = {"descriptions": descriptions, "studies": found, "provenance": told}
-    document = Document("studies.html.jinja", "structlearn.reporting", facts=facts, simulated=True)
+    document = JudgedDocument("studies.html.jinja", TEMPLATES, facts=facts, simulated=True)
     return render(document, figures={})
 
 
@@ -254,7 +255,7 @@ def joined(
         places = whole["variant"].map(variants.index) * len(order) + whole["cell"].map(order.index)
         tables[name] = whole.iloc[np.argsort(places.to_numpy(), kind="stable")].reset_index(drop=True)
     check = before.made.check
-    made = Made(
+    made = StudyProvenance(
         parameters=dict(made_with),
         seeds=description.seeds,
         cells={cell: origins[cell] for cell in order},

@@ -17,8 +17,9 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 
-from structlearn.reporting.claims import UNDECIDED
-from structlearn.reporting.document import Document, Table, render
+from dissertation.evidence.claims import UNDECIDED
+from dissertation.evidence.page import TEMPLATES, JudgedDocument
+from structlearn.reporting.document import Table, render
 
 KEYS = ["testbed", "set", "by", "statement", "case"]
 """Columns that identify a row; `set` is only filled in tables with several data sets."""
@@ -66,7 +67,7 @@ def other_processor_page(table: pd.DataFrame, settings: Mapping[str, str], machi
     facts: dict[str, object] = {"counts": counts, "settings": settings, "machine": machine}
     facts["changed"] = Table(changed, headings={name: name.replace("_", " ") for name in changed})
     facts["digits"] = Table(digits.reset_index(drop=True))
-    page = Document("other_processor.html.jinja", "structlearn.reporting", facts=facts, simulated=True)
+    page = JudgedDocument("other_processor.html.jinja", TEMPLATES, facts=facts, simulated=True)
     return render(page, figures={})
 
 

@@ -4,42 +4,44 @@ from collections.abc import Collection, Mapping
 from pathlib import Path
 from typing import Any
 
+from dissertation.evidence.claims import Judged, combined, read_claims, rendered, verdict_in
+from dissertation.evidence.page import JudgedDocument, publish_judged
 from structlearn.core.artefacts import read_csv
 from structlearn.core.params import read_values, value_at
-from structlearn.reporting.claims import NOT_TESTED, Evidence, Judged, combined, read_claims, verdict_in
-from structlearn.reporting.document import Document, environment
+from structlearn.reporting.document import environment
+from structlearn.reporting.evidence import NOT_TESTED, Evidence
 from structlearn.reporting.findings import Findings, read_findings, values_by_key
-from structlearn.reporting.publishing import publish_report
-from structlearn.tasks.project import CLONE, OF_PUBLIC, PACKAGE, pipeline
 from structlearn.tasks.task_entry import read_entries
 from structlearn.tasks.task_files import TaskFiles
 
-REPORT, QUOTED = Path("reports/recorded"), CLONE / "recorded.yaml"
+HERE, CLONE = Path(__file__).parent, Path("../..")  # the second: of the project of public sets
+REPORT, QUOTED = Path("reports/recorded"), HERE / "recorded.yaml"
 
 
 def publish_index() -> None:
     """Publish the page over all public sets. Raises InputError: a set's page was not made."""
-    names = [name for name, one in read_entries().items() if one.file.name == OF_PUBLIC]
+    names = list(read_entries())
     quoted: Mapping[str, Mapping[str, Any]] = read_values(QUOTED)
-    sets = [{"name": name} | said_of(TaskFiles(name), quoted.get(name, {})) for name in names]
-    judged = [claim for one in sets for claim in judged_again(one["name"], one["title"])]
+    sets = [{"name": name} | summary(TaskFiles(name), quoted.get(name, {})) for name in names]
+    judged = [claim for one in sets for claim in reload_verdicts(one["name"], one["title"])]
     both = [one for one in judged if one.simulated not in ("", NOT_TESTED) and one.verdict != NOT_TESTED]
     alike = sum(one.verdict == one.simulated for one in both)
-    page = Document(
+    page = JudgedDocument(
         template="recorded_index.html.jinja",
-        package=PACKAGE,
-        stage=f"{pipeline()}:recorded_report",
+        package=__package__,
+        stage="recorded_report",
         facts={"sets": sets, "in_both": len(both), "alike": alike},
         judged=judged,
+        clone=str(CLONE),
         command="make recorded DATA=FOLDER",
     )
-    publish_report(REPORT, {"index": page}, {}, {}, headlines(quoted, names))
+    publish_judged(REPORT, {"index": page}, {}, {}, headlines(quoted, names))
 
 
-def said_of(files: TaskFiles, quoted: Mapping[str, Any]) -> dict[str, Any]:
+def summary(files: TaskFiles, quoted: Mapping[str, Any]) -> dict[str, Any]:
     """Summary of a set: `title`, `says` (sentence), `figure`, `opening`, `absent` and `left_out`."""
     quoted = {} if files.absent else quoted
-    says = environment(PACKAGE).from_string(quoted.get("says", ""))
+    says = environment().from_string(quoted.get("says", ""))
     return {
         "title": value_at(files.parameters, "entry.title") or files.name,
         "says": says.render(values_by_key(read_findings(files.report / "findings.csv"))),
@@ -50,24 +52,24 @@ def said_of(files: TaskFiles, quoted: Mapping[str, Any]) -> dict[str, Any]:
     }
 
 
-def judged_again(name: str, title: str) -> list[Judged]:
+def reload_verdicts(name: str, title: str) -> list[Judged]:
     """Claims about a set with the verdicts from its page, and those of their simulated counterparts."""
-    path = CLONE / "claims" / f"{name}.yaml"
+    path = HERE / "claims" / f"{name}.yaml"
     if not path.exists():
         return []
     table = read_csv(TaskFiles(name).report / "tables/claims.csv", keep_default_na=False)
     keys = table[["statement", "source", "evidence"]]
     rows = [its for _, its in table.groupby((keys != keys.shift()).any(axis=1).cumsum())]
-    plain, judged = environment(PACKAGE).overlay(autoescape=False), []
+    judged = []
     for claim, its in zip(read_claims(path), rows, strict=True):
         texts = its.iloc[0][["statement", "source", "published"]].to_dict()
         like, simulated = claim.simulated, ""
-        there = Path("reports", like.testbed if like else "", "tables/claims.csv")
+        there = CLONE / "reports" / (like.testbed if like else "") / "tables/claims.csv"
         if like and there.exists():
             simulated = verdict_in(read_csv(there, keep_default_na=False), like)
         judged.append(
             Judged(
-                claim.model_copy(update=texts | {"note": plain.from_string(claim.note).render()}),
+                claim.model_copy(update=texts | {"note": rendered(claim.note, {})}),
                 tuple(its[["case", "here", "n", "verdict"]].itertuples(index=False, name=None)),
                 combined(list(its["verdict"])),
                 tuple(its["study"]),

@@ -5,9 +5,10 @@ durations, starts, goals and paths vary. Motion capture records the gripper pose
 gripper its fingers, the wrist the carried weight, each on its own clock.
 
 Difficulties are added on request: a twitch that belongs to no move, a hesitation within a move, a missing
-move.
+move. `make own-example` writes six bags without.
 """
 
+import sys
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -17,7 +18,9 @@ import numpy as np
 import structlearn
 from dissertation.simulation.hand_noise import hand_noise
 from structlearn.core import minimum_jerk, quaternion
+from structlearn.core.artefacts import publish
 from structlearn.core.frames import UP
+from structlearn.core.stage import run
 from structlearn.readers.bag import RawMessages, write_bag
 from structlearn.readers.bag_recording import to_metadata
 from structlearn.readers.demonstration import Kind, Recording, Stream
@@ -56,7 +59,7 @@ class Hand:
     sway_mm: float  # std per axis
 
 
-# At this pace the arm keeps its limits throughout the workspace (`make check TASK=pick`)
+# At this pace the arm keeps its limits throughout the workspace (`structlearn check pick`)
 BRISK = Hand(1.0, 2.0, 0.08, 0.08, 0.3)
 SLOW = Hand(2.0, 4.0, 0.04, 0.04, 1.0)
 
@@ -336,3 +339,16 @@ def _joint_angles(position: np.ndarray, orientation: np.ndarray) -> tuple[list[s
             angles[arm] += jacobian.T @ np.linalg.solve(damped, error)
         found.append(angles[arm].copy())
     return list(model.names[1:8]), np.array(found)
+
+
+def main() -> None:
+    """Write the bags of the example task to the folder named by the command line."""
+    target = Path(sys.argv[1])
+    with publish(target) as folder:
+        folder.mkdir()
+        write_takes(takes(seed=1, moves=3, count=6), folder)
+    print(f"{target}: 6 bags")
+
+
+if __name__ == "__main__":
+    run(main)

@@ -29,7 +29,7 @@ STEP_CELLS = 0.5  # step along the path, in cells; directions are interpolated b
 
 
 class LookAheadParameters(Parameters):
-    """Grid, costs, distances ahead. Fields: `stages/tasks/params.yaml`, `defaults.obstacles.look_ahead`."""
+    """Grid, costs, distances ahead. Fields: `defaults.obstacles.look_ahead`."""
 
     cell_m: float = Field(gt=0, le=0.1)
     margin_m: float = Field(ge=0, le=1)

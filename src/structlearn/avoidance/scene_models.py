@@ -248,7 +248,7 @@ def _training_sets(
     every_near, *near = (with_mirror_images(one, MIRROR_SIGNS) for one in (nearest, *near))
     every_far, *far = (with_mirror_images(one, signs) for one in (scene, *far))
     networks: dict[str, TrainingSets] = {
-        PUBLISHED: (parameters.text_network, nearest, [nearest]),
+        PUBLISHED: (parameters.published_network, nearest, [nearest]),
         NEAREST: (ensemble, every_near, near),
         SCENE: (ensemble, every_far, far),
     }

@@ -24,7 +24,7 @@ OPEN = "has no obstacles"  # reason for leaving out a reach
 
 
 class SceneReachParameters(Parameters):
-    """Cutting of reaches. Fields: `stages/tasks/params.yaml`, `defaults.obstacles.reaches`."""
+    """Cutting of reaches. Fields: `defaults.obstacles.reaches`."""
 
     smoothing_hz: float = Field(gt=0, le=45)
     onset_share: float = Field(gt=0, lt=1)
@@ -34,7 +34,7 @@ class SceneReachParameters(Parameters):
 
 
 class SceneLearningParameters(Parameters):
-    """Learning to reach through scenes. Fields: `stages/tasks/params.yaml`, `defaults.obstacles`."""
+    """Learning to reach through scenes. Fields: `defaults.obstacles`."""
 
     tuned_on: tuple[str, ...]
     ignored: tuple[str, ...]
@@ -50,7 +50,7 @@ class SceneLearningParameters(Parameters):
     return_stiffness: float = Field(ge=0)
     end_limit_m: float = Field(gt=0)
     return_coupling: float = Field(ge=0)
-    text_network: NetworkParameters
+    published_network: NetworkParameters
     text_decay_per_m2: float = Field(ge=0)
 
 

@@ -11,19 +11,22 @@ import multiprocessing
 import os
 import threading
 import time
-from collections.abc import Callable, Iterable
-from concurrent.futures import Executor, Future, ProcessPoolExecutor, as_completed
+from collections.abc import Callable, Iterable, Iterator
+from concurrent.futures import CancelledError, Executor, Future, ProcessPoolExecutor, as_completed
 from concurrent.futures.process import BrokenProcessPool
 from contextlib import suppress
 from functools import partial
 from ipaddress import ip_address
-from typing import Any, TypeVar
+from typing import TYPE_CHECKING, Any, TypeVar
 from urllib.parse import urlsplit
 
 from threadpoolctl import threadpool_limits
 from tqdm import tqdm
 
 from structlearn.core.errors import InputError
+
+if TYPE_CHECKING:
+    from distributed import Client
 
 Item = TypeVar("Item")
 Result = TypeVar("Result")
@@ -34,7 +37,8 @@ SCHEDULER = "DASK_SCHEDULER_ADDRESS"
 UNENCRYPTED = "STRUCTLEARN_UNENCRYPTED_DASK"
 
 ANSWER_S = 10.0  # a running scheduler answers within milliseconds
-WORKERS_S = 60.0  # time for workers started together with the scheduler to join
+WORKERS_S = 60.0  # time for workers started together with the scheduler to join, or to be replaced
+CHECK_S = 1.0  # interval of checks that the cluster is alive
 
 tqdm.monitor_interval = 0  # no monitor thread, since processes are forked
 
@@ -51,8 +55,8 @@ def parallel_map(
     Randomness must come from a seed in the item. A process may die, out of memory or by a crash in compiled
     code. With `lost`, items without a result are then run again one at a time, and an item that kills its
     process again has the result `lost(item)`. `local`: the work needs files of this machine, so it does not
-    run on a cluster. Raises InputError: an environment variable is invalid, or the cluster cannot be reached;
-    RuntimeError: a process died, and there is no `lost`.
+    run on a cluster. Raises InputError: an environment variable is invalid, or the cluster cannot be reached
+    or ends before the work; RuntimeError: a process died, and there is no `lost`.
     """
     work = list(items)
     backend = os.environ.get(BACKEND, "fork")
@@ -67,16 +71,19 @@ def parallel_map(
 
         def take(places: Iterable[int]) -> None:
             """Store the results of items, except those whose process died."""
-            pool, death = _cluster() if backend == "dask" and not local else (_processes(), BrokenProcessPool)
+            pool, death, check = _cluster() if backend == "dask" and not local else _machine()
             running: dict[Future[Any], int] = {}
             try:
                 with suppress(death):  # a broken pool accepts no more items
                     for place in places:
                         running[pool.submit(partial(function, work[place]))] = place
-                for future in as_completed(running):
+                for future in _completed(running, check):
                     with suppress(death):
                         results[running[future]] = future.result()
                         progress.update()
+            except (CancelledError, OSError):
+                check()  # is it the item's own error, or has the cluster ended?
+                raise
             finally:
                 for future in running:
                     future.cancel()
@@ -96,7 +103,27 @@ def parallel_map(
     return [results[place] for place in range(len(work))]
 
 
+Workplace = tuple[Executor, type[Exception], Callable[[], None]]
+"""Where items run, the error if one's process has died, and a check that more results can come."""
+
+
+def _completed(running: Iterable[Future[Any]], check: Callable[[], None]) -> Iterator[Future[Any]]:
+    """Futures as they complete, with a check every `CHECK_S`."""
+    left = set(running)
+    while left:
+        with suppress(TimeoutError):
+            for future in as_completed(left, timeout=CHECK_S):
+                left.discard(future)
+                yield future
+        check()
+
+
 _pools: dict[int, ProcessPoolExecutor] = {}  # by number of processes; at most one at a time
+
+
+def _machine() -> Workplace:
+    """The processes of this machine, whose ends the pool reports itself."""
+    return _processes(), BrokenProcessPool, lambda: None
 
 
 def _processes() -> ProcessPoolExecutor:
@@ -133,15 +160,16 @@ def _end_with(parent: int) -> None:
     os._exit(1)
 
 
-def _cluster() -> tuple[Executor, type[Exception]]:
-    """The cluster, connected on the first call, and the error raised when a worker has died four times."""
+def _cluster() -> Workplace:
+    """The cluster, connected on the first call; a worker's error is raised when it has died four times."""
     try:
         import dask
         from distributed import Client, KilledWorker
     except ImportError as error:
         raise InputError(f"{BACKEND}=dask needs the package `distributed`, of the extra `cluster`") from error
     with suppress(ValueError):
-        return Client.current().get_executor(pure=False), KilledWorker
+        client = Client.current()
+        return client.get_executor(pure=False), KilledWorker, _watch(client)
     address = dask.config.get("scheduler-address", None)
     if not address:
         raise InputError(f"{BACKEND}=dask needs the scheduler's address in {SCHEDULER}, e.g. tcp://host:8786")
@@ -150,9 +178,9 @@ def _cluster() -> tuple[Executor, type[Exception]]:
             f"{SCHEDULER}={address}: whoever reaches this port can run code here; use tls:// with "
             f"certificates, or, in a network that only you reach, {UNENCRYPTED}=yes"
         )
-    # no warnings about large work and about results recomputed after a worker died
+    # no warnings about large work, and no messages about deaths, which are reported here
     dask.config.set({"distributed.admin.large-graph-warning-threshold": "1TB"})
-    logging.getLogger("distributed.client").setLevel(logging.ERROR)
+    logging.getLogger("distributed.client").setLevel(logging.CRITICAL)
     try:
         client = Client(address, timeout=ANSWER_S)
     except (OSError, ValueError, TypeError) as error:  # TypeError: TLS without certificates
@@ -162,7 +190,31 @@ def _cluster() -> tuple[Executor, type[Exception]]:
     except TimeoutError as error:
         client.close()
         raise InputError(f"{SCHEDULER}={address}: no worker has joined within {WORKERS_S:.0f} s") from error
-    return client.get_executor(pure=False), KilledWorker
+    return client.get_executor(pure=False), KilledWorker, _watch(client)
+
+
+def _watch(client: "Client") -> Callable[[], None]:
+    """Check that a cluster's scheduler answers and that it has not been without workers for `WORKERS_S`.
+
+    Dask itself would wait for workers without end.
+    """
+    address, seen_s = client.scheduler.address, time.monotonic()
+
+    def check() -> None:
+        nonlocal seen_s
+        try:
+            workers = client.status == "running" and client.scheduler_info()["workers"]
+        except (CancelledError, OSError):
+            workers = False
+        if workers:
+            seen_s = time.monotonic()
+        elif workers is False or time.monotonic() - seen_s > WORKERS_S:
+            with suppress(TimeoutError):
+                client.close(timeout=ANSWER_S)
+            lost = f"has had no worker for {WORKERS_S:.0f} s" if workers is not False else "no longer answers"
+            raise InputError(f"{SCHEDULER}={address}: the Dask scheduler {lost}; run it again")
+
+    return check
 
 
 def _private(address: str) -> bool:

@@ -8,7 +8,7 @@ share. The file is read by YAML's C loader, once per process; `dvc.api.params_sh
 import re
 import reprlib
 from collections.abc import Hashable, Mapping
-from functools import lru_cache
+from functools import lru_cache, partial
 from pathlib import Path
 from typing import Annotated, Any, TypeVar
 
@@ -26,7 +26,8 @@ from pydantic import (
 )
 
 from structlearn.core.errors import InputError
-from structlearn.core.reading import require_file
+from structlearn.core.reading import require_regular
+from structlearn.core.used_files import remember, remember_value
 
 
 class Parameters(BaseModel):
@@ -65,8 +66,25 @@ def read_parameters(path: Path, key: str, model: type[ParametersType]) -> Parame
 
 
 def value_at(path: str | Path, key: str) -> Any:
-    """Unvalidated value at a dotted key of a YAML file, read-only. Raises InputError: it is absent."""
-    values = read_values(path)
+    """Unvalidated value at a dotted key of a YAML file, read-only. Raises InputError: it is absent.
+
+    While a stage runs, the file may change elsewhere, see `used_files`.
+    """
+    value = _value_at(path, key)
+    remember_value(path, key, value, partial(_present, path, key))
+    return value
+
+
+def _present(path: str | Path, key: str) -> Any:
+    """Value at a key, or the error if there is none any more."""
+    try:
+        return _value_at(path, key)
+    except InputError as error:
+        return error
+
+
+def _value_at(path: str | Path, key: str) -> Any:
+    values = read_values(path, whole=False)
     for part in key.split("."):
         if not isinstance(values, dict) or part not in values:
             raise InputError(f"{path}: key '{key}' is missing")
@@ -74,11 +92,16 @@ def value_at(path: str | Path, key: str) -> Any:
     return values
 
 
-def read_values(path: str | Path) -> Any:
-    """Unvalidated contents of a YAML file, read-only. Raises InputError: missing, invalid, duplicate keys."""
+def read_values(path: str | Path, whole: bool = True) -> Any:
+    """Unvalidated contents of a YAML file, read-only. Raises InputError: missing, invalid, duplicate keys.
+
+    `whole`: all of it is used, and none may change while a stage runs; otherwise see `value_at`.
+    """
     path = Path(path)
     try:
-        require_file(path)
+        require_regular(path)
+        if whole:
+            remember(path)
         state = path.stat()
         return _tree(path.resolve(), state.st_mtime_ns, state.st_size)
     except FileNotFoundError as error:

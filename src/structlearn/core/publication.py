@@ -13,6 +13,7 @@ from contextlib import contextmanager
 from pathlib import Path
 
 from structlearn.core.errors import InputError
+from structlearn.core.used_files import WORKSPACE, forget, require_unchanged
 
 
 @contextmanager
@@ -21,10 +22,11 @@ def publish(target: str | Path) -> Iterator[Path]:
 
     The caller writes a file at the path, which has the target's suffix, or makes a folder of it. Parent
     folders are created. If the body raises, `target` keeps its previous content, if any. Raises InputError:
-    the disk is full or not writable, or another process is publishing the target.
+    the disk is full or not writable, another process is publishing the target, or
+    something that the running stage uses has changed (`used_files`).
     """
     target = Path(target)
-    workspace = target.parent / f".publish-{target.name}"
+    workspace = target.parent / f"{WORKSPACE}{target.name}"
     replaced, temporary = workspace / "replaced", workspace / target.name
     try:
         target.parent.mkdir(parents=True, exist_ok=True)
@@ -36,9 +38,11 @@ def publish(target: str | Path) -> Iterator[Path]:
             try:
                 yield temporary
                 _to_disk(temporary)
+                require_unchanged(target)
                 if target.is_dir() and temporary.exists():  # else nothing was written, and the old one stays
                     target.rename(replaced)  # folders cannot be replaced in one step
                 os.replace(temporary, target)
+                forget(target)
                 _to_disk(target.parent, deep=False)
             finally:
                 shutil.rmtree(workspace, ignore_errors=True)

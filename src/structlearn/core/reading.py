@@ -5,6 +5,7 @@ import stat
 from pathlib import Path
 
 from structlearn.core.errors import InputError
+from structlearn.core.used_files import remember
 
 LARGEST = 2**30
 """Largest size in bytes of a file that is read as a whole, see also `Budget`."""
@@ -14,6 +15,12 @@ PER_MESSAGE = 200
 
 
 def require_file(path: str | Path, whole: bool = True) -> None:
+    """As `require_regular`, for an input whose every byte counts: it may not change while the stage runs."""
+    require_regular(path, whole)
+    remember(path)
+
+
+def require_regular(path: str | Path, whole: bool = True) -> None:
     """Raise InputError for pipes, devices and files too large to read `whole`; OSError if missing."""
     state = Path(path).stat()
     if not stat.S_ISREG(state.st_mode):

@@ -22,6 +22,8 @@ from typing import NamedTuple
 from structlearn.core.errors import InputError, MissingInputError
 from structlearn.core.params import ParametersType, read_parameters
 from structlearn.core.publication import alone_in, disk_fault, publish
+from structlearn.core.shadowing import require_own_packages
+from structlearn.core.used_files import watched
 
 PARAMETER_FILE = Path("params.yaml")
 INTERRUPTED = 130  # exit code after SIGINT, as in shells
@@ -49,15 +51,17 @@ def or_empty(main: Callable[[], None], target: str | Path) -> Callable[[], None]
     return made
 
 
-def run(main: Callable[[], None]) -> None:
+def run(main: Callable[[], None], stage: bool = True) -> None:
     """Run a stage; bad input becomes one line on standard error and exit code 1.
 
-    So does a concurrent run of the same stage, and Ctrl-C with code `INTERRUPTED`. Bugs keep their traceback.
-    If DVC runs the stage, its time is recorded.
+    So do packages hidden by PYTHONPATH, a change of what the stage uses while it runs (`used_files`), a
+    concurrent run of the same stage, and Ctrl-C with code `INTERRUPTED`. Bugs keep their traceback. If DVC
+    runs the stage, its time is recorded. `stage`: False for commands, which may run stages and wait.
     """
     try:
+        require_own_packages()
         with _alone():
-            timed(main)
+            timed(watched(_started_s())(main) if stage else main)
     except InputError as error:
         print(f"error: {error}", file=sys.stderr)
         sys.exit(1)
@@ -71,7 +75,8 @@ def _alone() -> Iterator[None]:
     """Lock the stage (of its task, if it has one) against other processes in this folder."""
     script, *words = sys.argv
     package, path = Path(__file__).parents[1], Path(script).resolve()
-    if path.is_relative_to(package) and path.parent.name != "stages":  # a command of the package
+    in_package = path.is_relative_to(package) and path.parent.name != "stages"
+    if in_package or path.name == package.name:  # a command of the package, or the program `structlearn`
         yield
         return
     words = words or [os.environ.get(RUN_BY_DVC, "").partition("@")[2]]
@@ -88,12 +93,12 @@ def _in_one_line(kind: type[BaseException], error: BaseException, trace: Traceba
     """Report a full disk in one line, also when raised while numba saves compiled code."""
     fault = disk_fault(error) if isinstance(error, OSError) else None
     if fault is None:
-        sys.__excepthook__(kind, error, trace)
+        _previous_hook(kind, error, trace)
     else:
         print(f"error: {getattr(error, 'filename', None) or 'a file'}: {fault}", file=sys.stderr)
 
 
-sys.excepthook = _in_one_line
+_previous_hook, sys.excepthook = sys.excepthook, _in_one_line
 
 
 class StageTime(NamedTuple):
@@ -145,6 +150,12 @@ def main() -> None:
     if times:
         wall_s, cpu_s = (sum(values) for values in zip(*(its for _, its in times), strict=True))
         print(f"{wall_s:8.1f} {cpu_s:8.1f}  {len(times)} stages on {os.cpu_count()} cores")
+
+
+def _started_s() -> float:
+    """Time of this process's start on the clock of files."""
+    since_s = _since_start_s()  # first: a pause before the next line may only make the start seem later
+    return time.time() - since_s
 
 
 def _since_start_s() -> float:

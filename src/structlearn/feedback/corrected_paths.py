@@ -3,7 +3,7 @@
     r = R c        error = rms (R c - r_cd)
 
 A primitive with c_target as its coupling term reproduces the demonstration (`coupling`), so r_cd follows from
-the coupling dataset. `stacked_pmnn` is trained to follow such paths.
+the coupling dataset. `training.pmnn` trains a network to follow such paths.
 
 The transformation system is linear in c, so a coupling term (held over each step) adds a sum of responses to
 a movement. These depend on dt / tau alone: with T samples in normalised time, all movements share one matrix,

@@ -1,5 +1,6 @@
 """Settings shared by all training with torch: precision, seeds, threads, optimisers."""
 
+import math
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 
@@ -8,6 +9,7 @@ import torch
 from pydantic import Field
 from torch import Tensor
 
+from structlearn.core.compilation import numba
 from structlearn.core.params import Parameters
 
 
@@ -40,6 +42,7 @@ def one_thread() -> Iterator[None]:
         torch.set_num_threads(threads)
 
 
+MEAN_DECAY = 0.9  # of Adam's mean gradient, per step
 SMALLEST_ROOT = 1e-8  # added to the RMS of a gradient, so that weights without a gradient do not move
 
 
@@ -70,26 +73,51 @@ class RootMeanSquarePropagation:
         self.weights.addcdiv_(gradient, self.mean_square.sqrt().add_(SMALLEST_ROOT), value=-self.rate)
 
 
-class Adam:
-    """Adam with torch's rule, step by step the same numbers.
+@numba.njit(cache=True, error_model="numpy")  # no check for division by zero, so the loop vectorises
+def adam_step(
+    values: np.ndarray,
+    gradient: np.ndarray,
+    mean: np.ndarray,
+    square: np.ndarray,
+    rate: float,
+    decay: float,
+    count: int,
+) -> None:
+    """One step of Adam (Kingma and Ba 2015) in place, on vectors; `count`: number of the step, from 1."""
+    step, root = rate / (1.0 - MEAN_DECAY**count), math.sqrt(1.0 - decay**count)
+    for place in range(len(values)):
+        mean[place] += (1.0 - MEAN_DECAY) * (gradient[place] - mean[place])
+        square[place] += (1.0 - decay) * (gradient[place] * gradient[place] - square[place])
+        values[place] -= step * mean[place] / (math.sqrt(square[place]) / root + SMALLEST_ROOT)
 
-    Torch's own optimisers load its compiler, which takes a process a second. `parameters`: leaves.
+
+class Adam:
+    """Adam for tensors that share a leading axis of models.
+
+    Importing torch's own takes seconds, since it loads a compiler. `parameters`: contiguous leaves; `rate`
+    may change between steps; `decay`: of the mean squared gradient per step.
     """
 
-    def __init__(self, parameters: Sequence[Tensor], rate: float):
-        self.parameters, self.rate, self.count = list(parameters), rate, 0
-        self.means, self.squares = (
-            [torch.zeros_like(values) for values in self.parameters] for _ in range(2)
-        )
+    def __init__(self, parameters: Sequence[Tensor], rate: float, decay: float = 0.999):
+        self.parameters, self.rate, self.decay, self.count = list(parameters), rate, decay, 0
+        self.moments = [np.zeros((2, *values.shape), as_array(values).dtype) for values in self.parameters]
 
-    @torch.no_grad()
-    def step(self, loss: Tensor) -> None:
-        """One step down the gradient of a loss."""
-        gradients = torch.autograd.grad(loss, self.parameters)
+    def step(self, gradients: Sequence[Tensor | None]) -> None:
+        """One step; parameters with gradient None do not change."""
         self.count += 1
-        size, root = self.rate / (1 - 0.9**self.count), (1 - 0.999**self.count) ** 0.5
-        every = zip(gradients, self.parameters, self.means, self.squares, strict=True)
-        for gradient, values, mean, square in every:
-            mean.lerp_(gradient, 1 - 0.9)
-            square.mul_(0.999).addcmul_(gradient, gradient, value=1 - 0.999)
-            values.addcdiv_(mean, (square.sqrt() / root).add_(SMALLEST_ROOT), value=-size)
+        for values, gradient, moments in zip(self.parameters, gradients, self.moments, strict=True):
+            if gradient is not None:
+                arrays = (as_array(values), as_array(gradient.contiguous()), *moments)
+                value, slope, mean, square = (array.reshape(-1) for array in arrays)
+                adam_step(value, slope, mean, square, self.rate, self.decay, self.count)
+
+    def keep(self, models: np.ndarray) -> None:
+        """Keep only some models; (M,) mask."""
+        for values in self.parameters:
+            values.data = values.data[torch.from_numpy(models)]
+        self.moments = [np.compress(models, moments, axis=1) for moments in self.moments]  # contiguous
+
+
+def as_array(values: Tensor) -> np.ndarray:
+    """View of a tensor's memory."""
+    return values.detach().numpy()

@@ -214,7 +214,6 @@ def read_joint_log(
 
     Columns are the named joints or, without names, all joints of the publisher with the most, in the order of
     its first message. Raises InputError: something that a dynamics model needs is missing.
-    the order of its first message. An InputError says what a dynamics model cannot do without.
     """
     file = as_recording_file(path)
     bag = open_bag(file, [topic])

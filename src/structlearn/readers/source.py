@@ -52,18 +52,24 @@ AS_WRITTEN = StampPolicy(clock="header", disorder="error")  # for our own files,
 class SourceParameters(Parameters):
     """Recordings of one kind of data."""
 
-    kind: ClassVar[str]  # kind of data, under which entries are listed
+    kind: ClassVar[str]  # kind of data, under which entries are listed; see `tasks.kinds`
 
     title: Name | None  # of its page and of its claims; null: its name
     # file or folder; starts with `~` in the home folder, with `$DATA` in the folder of public sets
     source: str = Field(min_length=1)
-    reader: str = Field(pattern=r"^[a-z][a-z0-9_]*$")  # module of `structlearn.readers`, or `bags`
+    # module of `structlearn.readers`, dotted name of another module, or `bags`
+    reader: str = Field(pattern=r"^[a-z]\w*(\.[a-z]\w*)*$")
     part: str | int | None  # part of the source, in the reader's terms
     stamps: StampPolicy  # for bags
 
     def sources(self) -> dict[str, tuple[str, ...]]:
         """All files and folders that are read, as written in the parameters, by purpose."""
         return {"recordings": (self.source,)}
+
+    @property
+    def skips_failures(self) -> bool:
+        """Whether recordings that cannot be read or cut are left out."""
+        return False
 
 
 def setting_label(setting: Any) -> Any:

@@ -26,7 +26,9 @@ import pinocchio
 
 from structlearn.core import quaternion
 from structlearn.core.errors import InputError
-from structlearn.rigid_body.tree import KinematicTree, configuration, read_model, robot_of
+from structlearn.rigid_body.robot import configuration, read_model, robot_of
+from structlearn.rigid_body.tree import KinematicTree
+from structlearn.rigid_body.urdf import mesh_folders
 
 CONVERGED = 1e-9  # m and rad; then the third derivative of joints sampled at 5 ms is accurate to 0.01 rad/s^3
 DAMPING = 1e-10  # minimum damping, squared: negligible for singular values above 0.001
@@ -210,18 +212,17 @@ class LinkShapes:
 def read_shapes(arm: Arm, locked: Sequence[str], rest: np.ndarray) -> LinkShapes:
     """Read an arm's collision shapes from its URDF, with the same joints locked; `rest` is (n,) rad or m.
 
-    Meshes are searched for in the URDF's folder, the folders above it, and ROS_PACKAGE_PATH.
+    Meshes are searched for in `urdf.mesh_folders`.
 
     Raises InputError: a mesh is missing or unreadable, or fewer than two links have shapes.
     """
     model = pinocchio.buildModelFromUrdf(str(arm.source))
-    folder = arm.source.resolve().parent
     try:
         meshes = pinocchio.buildGeomFromUrdf(
             model,
             str(arm.source),
             pinocchio.GeometryType.COLLISION,
-            package_dirs=[str(place) for place in (folder, *folder.parents)],
+            package_dirs=[str(place) for place in mesh_folders(arm.source)],
         )
     except (ValueError, RuntimeError) as error:
         raise InputError(f"{arm.source}: collision shapes cannot be read: {error}") from error

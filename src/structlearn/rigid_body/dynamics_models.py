@@ -13,12 +13,13 @@ from structlearn.core.errors import InputError
 from structlearn.networks.compiled_layers import Layers, layer_values, pack
 from structlearn.rigid_body.compiled_dynamics import (
     LAGRANGIAN,
-    NO_BODIES,
+    NO_ROBOT,
     PERCEPTRON,
     InverseDynamics,
     Networks,
     friction_rows,
     inverse_dynamics,
+    torques_along,
 )
 from structlearn.rigid_body.dynamics_training import KINDS, Kind
 from structlearn.rigid_body.friction import FrictionTerm, friction_coefficients, friction_columns
@@ -30,8 +31,7 @@ from structlearn.rigid_body.network_models import (
     StackedLagrangianNetworks,
     StackedPerceptrons,
 )
-from structlearn.rigid_body.regressor import link_parameters, torque_regressor
-from structlearn.rigid_body.tree import KinematicTree, LinkInertias
+from structlearn.rigid_body.tree import KinematicTree, LinkInertias, robot_arrays
 
 HEADING = "dynamics_models"
 
@@ -103,9 +103,11 @@ def read_dynamics_models(path: str | Path) -> DynamicsModels:
 
 def rigid_body_torques(tree: KinematicTree, inertias: LinkInertias, motion: Motion) -> np.ndarray:
     """Torques (M, N, n) in N m of inertias with mass (M, n), or (N, n) for mass (n,); no friction."""
-    columns = torque_regressor(tree, motion.q, motion.qd, motion.qdd, symmetric=False)
-    theta = link_parameters(inertias.tensors(), symmetric=False).numpy()
-    return np.moveaxis(columns @ theta.T, -1, 0) if theta.ndim == 2 else columns @ theta
+    if inertias.mass.ndim == 2:
+        models = range(len(inertias.mass))
+        return np.stack([rigid_body_torques(tree, inertias.of(model), motion) for model in models])
+    states = (np.ascontiguousarray(values, dtype=float) for values in (motion.q, motion.qd, motion.qdd))
+    return torques_along(robot_arrays(tree, inertias), *states)
 
 
 def predicted_torques(models: DynamicsModels, tree: KinematicTree, motion: Motion) -> np.ndarray:
@@ -160,7 +162,7 @@ def compiled_model(models: DynamicsModels, model: int, tree: KinematicTree) -> I
     packed = pack([(np.zeros(n), np.ones(n), own) for n, own in zip(inputs, layers, strict=True)])
     memory = np.stack([layer_values(packed.sizes)] * len(layers))
     return InverseDynamics(
-        kind, NO_BODIES, Networks(*packed, memory, rows, columns, SMALLEST_INERTIA, friction)
+        kind, NO_ROBOT, Networks(*packed, memory, rows, columns, SMALLEST_INERTIA), friction
     )
 
 

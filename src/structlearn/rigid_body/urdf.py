@@ -6,6 +6,7 @@ without an error.
 """
 
 import math
+import os
 import re
 from collections.abc import Collection, Sequence
 from importlib.util import find_spec
@@ -101,6 +102,27 @@ def _numbers(texts: Sequence[str], where: str) -> list[float]:
     if not all(math.isfinite(value) for value in values):
         raise InputError(f"{where}: a value is not finite")
     return values
+
+
+def mesh_folders(path: Path) -> list[Path]:
+    """Folders in which a URDF's meshes are searched for: its own, those above it, and ROS_PACKAGE_PATH."""
+    packages = [Path(one) for one in os.environ.get("ROS_PACKAGE_PATH", "").split(os.pathsep) if one]
+    return [*path.resolve().parents, *packages]
+
+
+def named_files(path: Path) -> dict[str, Path]:
+    """Files that a URDF names, such as meshes, by name as written; those that are not found are left out.
+
+    Names may begin with package://, model:// or file://. Raises InputError: it is no URDF.
+    """
+    names = [element.get("filename") for element in robot_element(path).iter()]
+    places = [
+        (name, folder / name.rpartition("://")[2])
+        for name in dict.fromkeys(names)
+        if name
+        for folder in mesh_folders(path)
+    ]
+    return {name: place for name, place in reversed(places) if place.is_file()}  # the first folder counts
 
 
 HANDS = re.compile(r"tcp|tool|grasp|gripper|hand|ee$|end_?effector|flange", re.IGNORECASE)

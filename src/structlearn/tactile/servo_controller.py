@@ -168,7 +168,7 @@ class TactileServo:
 
 
 @dataclass(frozen=True)
-class Caution:
+class ModelTrust:
     """Degree of trust in the forward model."""
 
     by_likelihood: bool  # scale the penalty by the likelihood of actions; False: as published
@@ -187,13 +187,13 @@ class RestingServo(TactileServo):
         parameters: ServoParameters,
         rate_hz: float,
         actions_per_step: int,
-        caution: Caution,
+        trust: ModelTrust,
     ) -> None:
         """See the class."""
         super().__init__(models, units, structure, parameters, rate_hz, actions_per_step)
-        self.caution = caution
+        self.trust = trust
         likely = units.likely_action / units.action_scale
-        likely = likely if caution.by_likelihood else np.ones_like(likely)
+        likely = likely if trust.by_likelihood else np.ones_like(likely)
         self._likely = torch.from_numpy(likely)[:, None]  # (K, 1)
 
     def start(self, latent: np.ndarray) -> ServoMemory:
@@ -209,9 +209,9 @@ class RestingServo(TactileServo):
         """As `TactileServo.act`."""
         assert memory.error is not None
         step = self._step(latent, memory)
-        slope = action_slope(self._dynamics, step.latent, self._likely, self.caution.spread)
+        slope = action_slope(self._dynamics, step.latent, self._likely, self.trust.spread)
         slope = slope * self._likely.T[..., None]
-        error = corrected(memory.error, slope, step, self._likely, self.caution.correction)
+        error = corrected(memory.error, slope, step, self._likely, self.trust.correction)
         found = self._towards(as_states(target), step, slope + error)
         return self._done(found * self._likely, latent, replace(memory, error=error))
 

@@ -1,74 +1,77 @@
-"""Files of the project in the working directory: a clone of structlearn, or a lab's own folder.
+"""Files of a project: a folder with tasks, made by `structlearn new`, in which all commands and stages run.
 
-A lab's folder, made by `structlearn new`, has its task entries in `structlearn.yaml` and a `dvc.yaml` that
-runs the stages of the installed package; defaults come from the package. In a clone these files are in
-`stages/tasks`, which is the folder `stages` of this package.
+`structlearn.yaml` has the tasks, `dvc.yaml` the stages of the installed package over them. Stages depend on
+the package through `.structlearn.yaml`, which has a digest per package folder and is written again before DVC
+is called: an update of the package reruns what it touches.
 """
 
-import re
+import hashlib
+from collections.abc import Iterator
 from pathlib import Path
-from typing import Any
 
-from structlearn.core.errors import InputError
-from structlearn.core.params import read_values
+import yaml
 
-PACKAGE = "structlearn.tasks"
-LAB = Path("structlearn.yaml")
-CLONE = Path("stages/tasks")
-PACKAGED = Path(__file__).parent / "stages"
-DEFAULTS, OWN, OF_PUBLIC = "params.yaml", "own.yaml", "public.yaml"
-CODE = "data/code/tasks"
+from structlearn.core.artefacts import publish
 
-# Stages that need the simulated testbeds or a clone's sources
-FOR_CLONES = ("code", "calibrate", "calibration_report", "recorded_report")
+ENTRIES, PIPELINE, CODE = Path("structlearn.yaml"), Path("dvc.yaml"), Path(".structlearn.yaml")
+LIBRARY = Path(__file__).parents[1]
+STAGES = Path(__file__).with_name("stages")
+DEFAULTS = STAGES / "params.yaml"
 
-
-def is_lab() -> bool:
-    """Whether the working directory is a lab's folder."""
-    return LAB.exists()
+IGNORED = """\
+/data/tasks
+/reports/tasks/*/rerun
+/reports/times.json
+.running-*
+__pycache__
+"""
 
 
-def folder() -> Path:
-    """Folder of the tasks' pipeline. Raises InputError: the working directory is no project."""
-    if not is_lab() and not CLONE.is_dir():
-        raise InputError(f"{LAB}: no such file here; `structlearn new` makes a project")
-    return Path() if is_lab() else CLONE
+def write_project(folder: Path, entries: str, pipeline: str) -> None:
+    """Write the files of a project."""
+    (folder / ENTRIES).write_text(entries, encoding="utf-8")
+    (folder / PIPELINE).write_text(pipeline, encoding="utf-8")
+    (folder / ".gitignore").write_text(IGNORED, encoding="utf-8")
+    write_code(folder)
 
 
-def entry_files(clone: Path | None = None) -> tuple[Path, ...]:
-    """Files with task entries, of this project or of a clone's folder; the last one is the user's."""
-    if clone is None and is_lab():
-        return (LAB,)
-    clone = clone or folder()
-    return clone / OF_PUBLIC, clone / OWN
+def entries_above(path: Path) -> Path | None:
+    """The entries of the project that a path is inside of, if any."""
+    files = (folder / ENTRIES for folder in path.resolve().parents)
+    return next((file for file in files if file.exists()), None)
 
 
-def defaults_file(clone: Path | None = None) -> Path:
-    """File with the defaults of all kinds of data: the package's, or a clone's own."""
-    return (PACKAGED if clone is None and (is_lab() or not CLONE.is_dir()) else clone or CLONE) / DEFAULTS
+def packaged_pipeline() -> str:
+    """The pipeline of a lab's project."""
+    return (STAGES / "pipeline.yaml").read_text(encoding="utf-8")
 
 
-def pipeline() -> str:
-    """Path of the tasks' pipeline, as in DVC's stage addresses."""
-    return (folder() / "dvc.yaml").as_posix()
+def write_code(folder: Path = Path()) -> None:
+    """Write the digests of the installed package, unless they are there already."""
+    text = "# Digests of the installed package, by folder: written by `structlearn run`\n"
+    text += yaml.safe_dump(dict(code_digests()), sort_keys=False)
+    path = folder / CODE
+    if not path.exists() or path.read_text(encoding="utf-8") != text:
+        with publish(path) as target:
+            target.write_text(text, encoding="utf-8")
 
 
-def lab_pipeline() -> dict[str, Any]:
-    """Contents of a lab's `dvc.yaml`: a clone's stages, run from the package.
+def code_digests() -> Iterator[tuple[str, str]]:
+    """Name (`code_key`) and digest of each package folder of the library, without its subpackages."""
+    files: dict[str, list[Path]] = {}
+    for file in sorted(LIBRARY.rglob("*")):
+        if file.is_file() and "__pycache__" not in file.parts and not file.name.startswith("."):
+            if file.parent == STAGES and file.suffix != ".py":
+                continue  # defaults reach stages by their task's parameters
+            package = next(one for one in file.parents if (one / "__init__.py").exists())
+            files.setdefault(code_key(package), []).append(file)
+    for key, its in files.items():
+        found = hashlib.sha256()
+        for file in its:
+            found.update(file.relative_to(LIBRARY).as_posix().encode() + b"\0" + file.read_bytes())
+        yield key, found.hexdigest()[:16]
 
-    As in a clone, a stage depends on its code through the list written by `code`.
-    """
-    stages = read_values(PACKAGED / "dvc.yaml")["stages"].items()
-    packaged = {name: _from_package(stage) for name, stage in stages if name not in FOR_CLONES}
-    code = {"cmd": f"python -m {__name__}", "always_changed": True, "outs": [CODE]}
-    return {"vars": [LAB.as_posix()], "stages": {"code": code} | packaged}
 
-
-def _from_package(stage: dict[str, Any]) -> dict[str, Any]:
-    """Convert a stage over the tasks of a kind, dropping what only a clone has."""
-    body = {key: value for key, value in stage["do"].items() if key != "wdir"}
-    body["cmd"] = re.sub(r"^python stages/tasks/(\w+)\.py", rf"python -m {PACKAGE}.stages.\1", body["cmd"])
-    body["deps"] = [path for path in body["deps"] if not path.startswith(CLONE.as_posix())]
-    if "params" in body:
-        body["params"] = [one for one in body["params"] if isinstance(one, dict)]
-    return {"foreach": stage["foreach"], "do": body}
+def code_key(package: Path) -> str:
+    """Name of a package folder of the library, e.g. `core`, `tasks_motion`; `structlearn` for its top."""
+    return "_".join(package.relative_to(LIBRARY).parts) or LIBRARY.name

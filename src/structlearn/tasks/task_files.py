@@ -7,6 +7,7 @@ from collections.abc import Callable, Mapping
 from pathlib import Path
 
 import pandas as pd
+import yaml
 
 from structlearn.core.artefacts import publish, read_csv, read_table, write_table
 from structlearn.core.errors import InputError
@@ -22,15 +23,21 @@ SKILL, ABSENT, LEFT_OUT = "skill.safetensors", "absent.txt", "left_out.csv"
 
 # Task names are used for folders and in stage names, where DVC gives some characters a meaning
 NAME_RULE = (
-    "a task's name has 1 to 60 lower-case letters, digits, - and _, and begins with a letter or a digit"
+    "a task's name has 1 to 60 lower-case letters, digits, - and _, begins with a letter or a digit, "
+    "and is not what YAML reads as a number, a date, yes, no or null"
 )
+# Numbers of YAML 1.2, in which DVC reads entries, that are text in YAML 1.1
+NUMBER = re.compile(r"[0-9][0-9_]*e-?[0-9]+|0o[0-7_]+")
 # Environment variable with the folder of public sets (`$DATA` in entries), and its default
 PUBLIC, PUBLIC_FOLDER = "RECORDED_DATA", "data/public"
 
 
 def is_name(name: object) -> bool:
     """Whether a task may have this name."""
-    return isinstance(name, str) and re.fullmatch(r"[a-z0-9][a-z0-9_-]{0,59}", name) is not None
+    if not isinstance(name, str) or not re.fullmatch(r"[a-z0-9][a-z0-9_-]{0,59}", name):
+        return False
+    tag = yaml.SafeLoader("").resolve(yaml.ScalarNode, name, (True, False))
+    return tag == "tag:yaml.org,2002:str" and not NUMBER.fullmatch(name)
 
 
 class TaskFiles:
@@ -48,8 +55,13 @@ class TaskFiles:
 
     @property
     def kind(self) -> str:
-        """Kind of data, a key of `task_entry.KINDS`."""
+        """Kind of data, see `kinds`."""
         return value_at(self.parameters, "kind")
+
+    @property
+    def learned(self) -> Path:
+        """What was learned, for kinds with a single stage for it, named by the kind."""
+        return self.folder / self.kind.rpartition(".")[2]
 
     def entry(self, model: type[ParametersType], key: str = "") -> ParametersType:
         """Parameters of the task, or of one of its parts."""
@@ -122,13 +134,13 @@ def is_public(path: str) -> bool:
 
 
 def run_for_task(main: Callable[[TaskFiles], None], out: str = "") -> None:
-    """Run a stage for the task named by the command line, or else by DVC: `tasks/dvc.yaml:segment@pick`.
+    """Run a stage for the task named by the command line, or else by DVC: `segment@pick`.
 
     `out`: name of the folder that it writes; if the task is absent, only the reason is written there.
     """
 
     def of_task() -> None:
-        by_dvc = os.environ.get(RUN_BY_DVC, "").rpartition("dvc.yaml:")[2].partition("@")[2]
+        by_dvc = os.environ.get(RUN_BY_DVC, "").partition("@")[2]
         files = TaskFiles(sys.argv[1] if sys.argv[1:] else by_dvc)
         if out and files.absent:
             with publish(files.folder / out) as folder:

@@ -27,7 +27,7 @@ from dissertation.dynamics.protocol.trainings import OURS, PUBLISHED
 from dissertation.dynamics.world.arm_motion import SineParameters, sine_path
 from dissertation.simulation.still import View, still
 from structlearn.palette import BLACK, GREY
-from structlearn.reporting.figure_style import PANEL_WIDTH, Drawing, Raster, canvas, legend_above, styled
+from structlearn.reporting.figure_style import PANEL_WIDTH, Drawing, Raster, canvas, styled
 from structlearn.rigid_body.model_names import COULOMB, DEFAULT, GROUND_TRUTH, NAMES, model_name
 from structlearn.rigid_body.tree import KinematicTree
 
@@ -50,6 +50,12 @@ VIEW = View(target=(0.0, 0.0, 0.6), distance=2.45, yaw_deg=50.0, pitch_deg=-16.0
 
 SHOWN_AT = (0.708, 0.146, 0.925)  # fractions of the motion at which all joints are bent, for the still
 COLUMNS = slice(235, 785)  # pixel columns kept of each image: the arm with a narrow margin
+
+
+def legend_above(figure: Figure, axes: Axes, columns: int = 6) -> None:
+    """Add one legend above the whole figure, with the labels of one of its axes."""
+    handles, labels = axes.get_legend_handles_labels()
+    figure.legend(handles, labels, loc="outside upper left", ncols=columns, columnspacing=1.6)
 
 
 @styled

@@ -22,14 +22,15 @@ from dissertation.evidence.studies import Study, extended
 from dissertation.simulation.arm import Mechanics
 from structlearn.core.metrics import nmse
 from structlearn.core.params import read_values
-from structlearn.reporting.claims import Evidence, Found, geometric_mean, mean, unknown
+from structlearn.reporting.evidence import Evidence, Found, geometric_mean, mean, unknown
 from structlearn.reporting.findings import Findings
-from structlearn.rigid_body.compiled_dynamics import friction_rows
+from structlearn.rigid_body.compiled_dynamics import friction_rows, inverse_dynamics
 from structlearn.rigid_body.dynamics_models import DynamicsModels, predicted_torques, rigid_body_torques
 from structlearn.rigid_body.friction import FrictionTerm, friction_columns
 from structlearn.rigid_body.model_names import COULOMB, DEFAULT, GROUND_TRUTH, STRICT, in_order, model_name
 from structlearn.rigid_body.motion import Motion
-from structlearn.rigid_body.tree import Robot
+from structlearn.rigid_body.regressor import link_parameters, torque_regressor
+from structlearn.rigid_body.robot import Robot, torque_differences
 
 STOPPED_NMSE = 1.0  # least error counted for a stopped run: that of an arm that does not move
 SETTLED_SHARE = 0.1  # relative error of a payload's mass within which it counts as correct
@@ -48,6 +49,9 @@ SUFFIXES = {OURS: "", PUBLISHED: "_plain"}
 HEADLINES = (*(f"{model}_plain" for model in STRICT), "mlp", "delan", "cov")  # epochs in `metrics.json`
 ROBOTS_STUDY = "dynamics/robots"  # further seeds and robots, pooled in the verdicts
 STUDIED = ("outcomes", "scores", "payload", "known")  # tables that include the study's rows
+
+IMPLEMENTATIONS = ("regressor_n_m", "compiled_n_m")
+"""Columns of `agreement_with_pinocchio`: differences of the regressor and of the compiled recursion."""
 
 Scores = Callable[[str], pd.Series]
 """Maps a model to its scores by seed or robot; empty if it was not run."""
@@ -68,7 +72,7 @@ class DynamicsResults:
     paths: pd.DataFrame
     online: pd.DataFrame  # see `rigid_body.payload`
     payload: pd.DataFrame  # likewise, with `seed`
-    agreement: pd.DataFrame  # one row per URDF, see `rigid_body.newton_euler`, with `robot`
+    agreement: pd.DataFrame  # one row per URDF, see `agreement_with_pinocchio`, with `robot`
     known: pd.DataFrame  # errors on robots' logs, see `known_errors` and below, with `seed`
     friction: pd.DataFrame
     residuals: pd.DataFrame  # likewise, first robot only
@@ -143,7 +147,7 @@ class DynamicsResults:
     @cached_property
     def pick_up_s(self) -> float:
         """Time in s at which payloads are picked up."""
-        motion = self.chosen["arm_motion"].used.cut(self.chosen["stand_in"].log_s)
+        motion = self.chosen["arm_motion"].used.cut(self.chosen["perturbed_robot"].log_s)
         return self.chosen["record_motion"].payload.at_share * motion.duration_s
 
     @cached_property
@@ -189,10 +193,22 @@ def _rows_by(table: pd.DataFrame, keys: list[str]) -> Callable[..., pd.DataFrame
     return lambda *key: groups.get(key, none)
 
 
+def agreement_with_pinocchio(robot: Robot) -> dict[str, float]:
+    """Largest torque differences from Pinocchio over joints and random states, and the largest torque."""
+    theta = link_parameters(robot.inertias.tensors()).numpy()
+    compiled = inverse_dynamics(robot.tree, robot.inertias)
+    functions = {
+        "largest_n_m": lambda q, qd, qdd: np.zeros_like(q),
+        "regressor_n_m": lambda *states: torque_regressor(robot.tree, *states) @ theta,
+        "compiled_n_m": lambda *states: np.array([compiled(*state) for state in zip(*states, strict=True)]),
+    }
+    return {name: float(torque_differences(robot, torques).max()) for name, torques in functions.items()}
+
+
 def known_errors(robot: Robot, mechanics: Mechanics, motion: Motion) -> pd.DataFrame:
     """Errors of the models not learned, truth and URDF (default): `model`, `joint` (from 1), `nmse`."""
-    rubbing = np.stack([mechanics.viscous, mechanics.coulomb], axis=-1)
-    friction = np.einsum("tjk,jk->tj", friction_columns(motion.q, motion.qd, TERMS), rubbing)
+    coefficients = np.stack([mechanics.viscous, mechanics.coulomb], axis=-1)
+    friction = np.einsum("tjk,jk->tj", friction_columns(motion.q, motion.qd, TERMS), coefficients)
     torques = {
         GROUND_TRUTH: rigid_body_torques(robot.tree, mechanics.inertias, motion) + friction,
         DEFAULT: rigid_body_torques(robot.tree, robot.inertias, motion),
@@ -249,7 +265,7 @@ def findings(results: DynamicsResults) -> Findings:
     robots = find.among("simulated robots")
     robots.exact("robots", results.outcomes.loc[results.outcomes["arm"] == ROBOT, "seed"].nunique())
     robots.exact("robots_of_this_run", results.friction["seed"].nunique())
-    differences = results.agreement[["recursion_n_m", "regressor_n_m", "compiled_n_m"]].to_numpy()
+    differences = results.agreement[list(IMPLEMENTATIONS)].to_numpy()
     find.among("URDFs").exact(
         "rnea_max_error_nm", differences.max(), len(differences), unit="N m", headline=True
     )
@@ -262,7 +278,7 @@ def findings(results: DynamicsResults) -> Findings:
     _online(find, results)
     robots.mean("payload_mass_error_share", results.mass_errors)
     settled = results.settling_s.dropna()
-    robots.counted("payload_settled", len(settled), len(results.settling_s))
+    robots.exact_count("payload_settled", len(settled), len(results.settling_s))
     for name in ("median", "min", "max"):  # NaN if no robot settled
         robots.exact(f"payload_settling_s_{name}", settled.agg(name), len(settled), unit="s")
     return find
@@ -292,7 +308,7 @@ def _models(find: Findings, robots: Findings, results: DynamicsResults) -> None:
         velocity = _run({case: results.velocity(*key) for case, key in tried.items()})
         marked = (GROUND_TRUTH, "cov_plain") if robot == IDEAL else ()
         its.mean(f"{prefix}ee_velocity_nmse", velocity, headline=marked)
-        its.counted(f"{prefix}unstable", {case: results.stopped(*tried[case]) for case in velocity})
+        its.exact_count(f"{prefix}unstable", {case: results.stopped(*tried[case]) for case in velocity})
 
 
 def _in_simulation(find: Findings, results: DynamicsResults, form: Form) -> None:

@@ -12,6 +12,7 @@ import pandas as pd
 
 from dissertation.dynamics.names import FORM_TITLES, IDEAL, REACH, ROBOT, SINE
 from dissertation.dynamics.page.findings import (
+    IMPLEMENTATIONS,
     ROBOTS_STUDY,
     SETTLED_SHARE,
     STOPPED_NMSE,
@@ -22,9 +23,10 @@ from dissertation.dynamics.page.findings import (
 )
 from dissertation.dynamics.protocol.trainings import LOSSES, OURS, PUBLISHED
 from dissertation.dynamics.world.controlled_arm import OVERSPEED
+from dissertation.evidence.claims import judge, read_claims
+from dissertation.evidence.page import JudgedDocument
 from dissertation.evidence.studies import rests_on
-from structlearn.reporting.claims import judge, read_claims
-from structlearn.reporting.document import Document, Source, Table, environment
+from structlearn.reporting.document import Source, Table
 from structlearn.reporting.findings import Findings
 from structlearn.reporting.prose import with_spread
 from structlearn.rigid_body.model_names import COULOMB, DEFAULT, GROUND_TRUTH, in_order, model_name
@@ -52,7 +54,7 @@ CONDITIONS = ["positive_mass", "positive_definite", "triangle"]
 DETAILED = "cov"  # structure whose learned parameters are listed
 
 
-def dynamics_page(results: DynamicsResults, find: Findings) -> Document:
+def dynamics_page(results: DynamicsResults, find: Findings) -> JudgedDocument:
     """Page with its tables and verdicts; figures come from `figures.drawings` and `arm_still`."""
     shown, chosen = tables(results), results.chosen
     after = results.payload[results.payload["time_s"] > results.pick_up_s]
@@ -91,13 +93,13 @@ def dynamics_page(results: DynamicsResults, find: Findings) -> Document:
         "best_base": min(by_model["base_errors"].values(), key=lambda row: row["base"]),
     }
     claims = read_claims(Path(__file__).with_name("claims.yaml"))
-    return Document(
+    return JudgedDocument(
         template="dynamics.html.jinja",
         package=__package__,
         stage="dynamics_report",
         facts=facts,
         tables=shown,
-        judged=judge(claims, find, environment(__package__), facts),
+        judged=judge(claims, find, facts),
         sources=SOURCES,
         parameters=chosen,
         recordings="../rerun/dynamics",
@@ -128,7 +130,6 @@ def _median_friction(results: DynamicsResults) -> dict[str, float]:
 
 def tables(results: DynamicsResults) -> dict[str, Table]:
     """Tables of the page, and those that a study collects from each cell, keyed by name."""
-    differences = ("recursion_n_m", "regressor_n_m", "compiled_n_m")  # of three implementations
     found = {
         "simulation": _scores(results, IDEAL),
         "epochs": _epochs(results),
@@ -139,7 +140,7 @@ def tables(results: DynamicsResults) -> dict[str, Table]:
         "base_errors": _base_errors(results),
         "robot_errors": _robot_errors(results),
         "friction": _friction(results),
-        "agreement": Table(results.agreement, dict.fromkeys(differences, ".1e") | {"largest_n_m": ".0f"}),
+        "agreement": Table(results.agreement, dict.fromkeys(IMPLEMENTATIONS, ".1e") | {"largest_n_m": ".0f"}),
     }
     if results.tracked(ROBOT):
         found["robot"] = _scores(results, ROBOT)

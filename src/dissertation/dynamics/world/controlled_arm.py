@@ -12,9 +12,10 @@ from dissertation.dynamics.world.operational_space import VelocityControl, joint
 from dissertation.simulation.arm import Mechanics, Payload, carrying
 from dissertation.simulation.compiled_arm import step
 from structlearn.core.compilation import compiled_inside, numba
-from structlearn.rigid_body.compiled_chain import Body, Workspace, body, dynamics, workspace
+from structlearn.rigid_body.compiled_chain import Workspace, dynamics, workspace
 from structlearn.rigid_body.compiled_dynamics import InverseDynamics, model_torques
-from structlearn.rigid_body.tree import Robot
+from structlearn.rigid_body.robot import Robot
+from structlearn.rigid_body.tree import RobotArrays, robot_arrays
 
 OVERSPEED = 1.5  # multiple of its velocity limit at which a joint counts as run away; overshoot stays below
 
@@ -114,8 +115,8 @@ class _Log(NamedTuple):
 def _in_loop(arm: SimulatedArm, controller: Controller, drives: _Drives, log: _Log) -> tuple[int, int]:
     """Number of ticks run, and index in `_FAULTS` of what stopped it."""
     tree, inertias = arm.robot.tree, arm.mechanics.inertias
-    free = body(tree, inertias)
-    loaded = free if arm.payload is None else body(tree, carrying(inertias, arm.payload))
+    free = robot_arrays(tree, inertias)
+    loaded = free if arm.payload is None else robot_arrays(tree, carrying(inertias, arm.payload))
     take_at = len(log.torques) if arm.take_at is None else arm.take_at
     work = workspace(len(tree.names))
     return _loop(controller, drives, free, loaded, take_at, arm.mechanics.coulomb, arm.dt, log, work)
@@ -125,8 +126,8 @@ def _in_loop(arm: SimulatedArm, controller: Controller, drives: _Drives, log: _L
 def _loop(
     controller: Controller,
     drives: _Drives,
-    free: Body,
-    loaded: Body,
+    free: RobotArrays,
+    loaded: RobotArrays,
     take_at: int,
     coulomb: np.ndarray,
     dt: float,
@@ -151,7 +152,7 @@ def _in_pybullet(arm: SimulatedArm, controller: Controller, drives: _Drives, log
     from dissertation.simulation.bullet_arm import BulletArm  # reports and views work without PyBullet
 
     tree, own = arm.robot.tree, arm.mechanics
-    kinematics, work = body(tree, own.inertias), workspace(len(tree.names))
+    kinematics, work = robot_arrays(tree, own.inertias), workspace(len(tree.names))
     with BulletArm(tree, own.inertias, own.coulomb, arm.dt, arm.payload) as moved:
         moved.place(log.q[0], log.qd[0])
         for k in range(len(log.torques)):
@@ -167,7 +168,7 @@ def _in_pybullet(arm: SimulatedArm, controller: Controller, drives: _Drives, log
 
 @numba.njit(cache=True)
 def _tick(
-    controller: Controller, drives: _Drives, own: Body, work: Workspace, k: int, log: _Log
+    controller: Controller, drives: _Drives, own: RobotArrays, work: Workspace, k: int, log: _Log
 ) -> tuple[int, np.ndarray]:
     """Check the state, compute and log the command; return the fault and the joint torques (n,).
 
@@ -194,7 +195,7 @@ def _tick(
 
 @compiled_inside
 def _command(
-    controller: Controller, own: Body, work: Workspace, k: int, q: np.ndarray, qd: np.ndarray
+    controller: Controller, own: RobotArrays, work: Workspace, k: int, q: np.ndarray, qd: np.ndarray
 ) -> np.ndarray:
     """Command (n,) N m by the laws in the docstrings of `arm_motion` and `operational_space`."""
     path, feedback = controller.path, controller.feedback

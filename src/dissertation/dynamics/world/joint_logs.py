@@ -31,7 +31,8 @@ from structlearn.core.errors import InputError
 from structlearn.core.params import Parameters
 from structlearn.readers.joint_log import JointLog
 from structlearn.rigid_body.compiled_dynamics import inverse_dynamics
-from structlearn.rigid_body.tree import KinematicTree, LinkInertias, Robot
+from structlearn.rigid_body.robot import Robot
+from structlearn.rigid_body.tree import KinematicTree, LinkInertias
 
 
 class PerturbedRobotParameters(Parameters):

@@ -19,16 +19,8 @@ from pydantic import Field
 
 from structlearn.core.compilation import compiled_inside, cross, numba
 from structlearn.core.params import Parameters
-from structlearn.rigid_body.compiled_chain import (
-    Body,
-    Workspace,
-    body,
-    factorise,
-    kinematics,
-    solve,
-    workspace,
-)
-from structlearn.rigid_body.tree import KinematicTree, LinkInertias
+from structlearn.rigid_body.compiled_chain import Workspace, factorise, kinematics, solve, workspace
+from structlearn.rigid_body.tree import KinematicTree, LinkInertias, RobotArrays, robot_arrays
 
 DAMPING = 1e-6  # m^2; keeps the Jacobian's pseudo-inverse finite when the arm is stretched out
 
@@ -52,7 +44,7 @@ class VelocityControl(NamedTuple):
 @numba.njit(cache=True)
 def joint_reference(
     control: VelocityControl,
-    body: Body,
+    robot: RobotArrays,
     work: Workspace,
     q: np.ndarray,
     qd: np.ndarray,
@@ -62,37 +54,37 @@ def joint_reference(
 ) -> tuple[np.ndarray, np.ndarray]:
     """Joint velocity qd_r (n,) in rad/s and acceleration qdd_r (n,) in rad/s^2 of the module's control law.
 
-    Only the kinematics of `body` are used; `work` holds the results of `compiled_chain.dynamics` at q and
+    Only the kinematics of `robot` are used; `work` holds the results of `compiled_chain.dynamics` at q and
     qd (n,). The tool references are (3,) in m, m/s and m/s^2 in the base frame.
     """
     count, position = len(q), _point(work, control.tool_m)
-    jacobian = _jacobian(body, work, position)
+    jacobian = _jacobian(robot, work, position)
     velocity, gram = np.zeros(3), np.zeros((3, 3))  # J qd;  J J^T + damping
     # right-hand sides minus the null-space part; then multiplied by (J J^T)^-1
-    speed, push = np.empty(3), np.empty(3)
+    speed, acceleration = np.empty(3), np.empty(3)
     for row in range(3):
         gram[row, row] = DAMPING
         for j in range(count):
             velocity[row] += jacobian[row, j] * qd[j]
             for k in range(3):
                 gram[row, k] += jacobian[row, j] * jacobian[k, j]
-    bias, tool_gain, gain = _bias(body, work, position, velocity), control.tool_1_s, control.posture_1_s
+    bias, tool_gain, gain = _bias(robot, work, position, velocity), control.tool_1_s, control.posture_1_s
     for row in range(3):
         speed[row] = xd_wanted[row] + tool_gain * (x_wanted[row] - position[row])
-        push[row] = xdd_wanted[row] + tool_gain * (xd_wanted[row] - velocity[row]) - bias[row]
+        acceleration[row] = xdd_wanted[row] + tool_gain * (xd_wanted[row] - velocity[row]) - bias[row]
         for j in range(count):
             speed[row] -= jacobian[row, j] * gain * (control.posture[j] - q[j])
-            push[row] += jacobian[row, j] * gain * qd[j]
+            acceleration[row] += jacobian[row, j] * gain * qd[j]
     factorise(gram)
     solve(gram, speed)  # J+ = J^T (J J^T + damping)^-1
-    solve(gram, push)
+    solve(gram, acceleration)
     reference, change = np.empty(count), np.empty(count)
     for j in range(count):
         reference[j] = gain * (control.posture[j] - q[j])
         change[j] = -gain * qd[j]
         for row in range(3):
             reference[j] += jacobian[row, j] * speed[row]
-            change[j] += jacobian[row, j] * push[row]
+            change[j] += jacobian[row, j] * acceleration[row]
     return reference, change
 
 
@@ -104,13 +96,13 @@ def tool_motion(
     count = len(tree.names)
     any_masses = LinkInertias(np.ones(count), np.zeros((count, 3)), np.zeros((count, 3, 3)))
     motion = (np.ascontiguousarray(q), np.ascontiguousarray(qd), position, velocity)
-    _tool_motion(body(tree, any_masses), workspace(count), np.array(tool_m, dtype=float), *motion)
+    _tool_motion(robot_arrays(tree, any_masses), workspace(count), np.array(tool_m, dtype=float), *motion)
     return position, velocity
 
 
 @numba.njit(cache=True)
 def _tool_motion(
-    body: Body,
+    robot: RobotArrays,
     work: Workspace,
     tool_m: np.ndarray,
     q: np.ndarray,
@@ -119,9 +111,9 @@ def _tool_motion(
     velocity: np.ndarray,
 ) -> None:
     for row in range(len(q)):
-        kinematics(body, q[row], work)
+        kinematics(robot, q[row], work)
         point = _point(work, tool_m)
-        jacobian = _jacobian(body, work, point)
+        jacobian = _jacobian(robot, work, point)
         for k in range(3):
             position[row, k] = point[k]
             velocity[row, k] = 0.0
@@ -140,7 +132,7 @@ def _point(work: Workspace, tool_m: np.ndarray) -> np.ndarray:
 
 
 @compiled_inside
-def _jacobian(body: Body, work: Workspace, point: np.ndarray) -> np.ndarray:
+def _jacobian(robot: RobotArrays, work: Workspace, point: np.ndarray) -> np.ndarray:
     """Jacobian (3, n) of the velocity of a point of the last link."""
     jacobian = np.zeros((3, len(work.screw)))
     joint = len(work.screw) - 1
@@ -149,16 +141,16 @@ def _jacobian(body: Body, work: Workspace, point: np.ndarray) -> np.ndarray:
         sweep = cross(screw, point)
         for row in range(3):
             jacobian[row, joint] = screw[3 + row] + sweep[row]
-        joint = body.parents[joint]
+        joint = robot.parents[joint]
     return jacobian
 
 
 @compiled_inside
-def _bias(body: Body, work: Workspace, point: np.ndarray, velocity: np.ndarray) -> np.ndarray:
+def _bias(robot: RobotArrays, work: Workspace, point: np.ndarray, velocity: np.ndarray) -> np.ndarray:
     """Bias Jd qd (3,): acceleration of a point of the last link at qdd = 0."""
-    push = work.push[-1]  # spatial acceleration, with gravity as an upward acceleration
-    pull, inward = cross(push, point), cross(work.twist[-1], velocity)
+    acceleration = work.bias_acceleration[-1]  # spatial acceleration, with gravity as an upward acceleration
+    pull, inward = cross(acceleration, point), cross(work.twist[-1], velocity)
     bias = np.empty(3)
     for k in range(3):
-        bias[k] = push[3 + k] + body.gravity[k] + pull[k] + inward[k]
+        bias[k] = acceleration[3 + k] + robot.gravity[k] + pull[k] + inward[k]
     return bias

@@ -43,7 +43,7 @@ from structlearn.core.metrics import matching
 from structlearn.core.params import Population, read_values
 from structlearn.primitives.position import PositionPrimitive
 from structlearn.readers.demonstration import Demonstration
-from structlearn.reporting.claims import Evidence
+from structlearn.reporting.evidence import Evidence
 from structlearn.reporting.findings import Findings
 
 AS_PUBLISHED, OURS = (NETWORK, PUBLISHED), (ENSEMBLE, LIMITED)

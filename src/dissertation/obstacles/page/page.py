@@ -9,6 +9,8 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
+from dissertation.evidence.claims import judge, read_claims
+from dissertation.evidence.page import JudgedDocument
 from dissertation.evidence.studies import extended, rests_on
 from dissertation.obstacles import files
 from dissertation.obstacles.names import DEMONSTRATIONS, KINDS, RULES, SITUATIONS, SOURCES, model_name
@@ -35,8 +37,7 @@ from dissertation.obstacles.world.reaching_person import DETOURS_M
 from dissertation.obstacles.world.scenarios import END_CLEARANCE_M
 from structlearn.avoidance.learned_models import ALL, ENSEMBLE, HUMAN_INSPIRED, NETWORK, SETTING
 from structlearn.avoidance.shapes import SHAPES
-from structlearn.reporting.claims import judge, read_claims
-from structlearn.reporting.document import Document, Source, Table, environment
+from structlearn.reporting.document import Source, Table
 from structlearn.reporting.findings import Findings
 
 PACKAGE = "dissertation.obstacles.page"
@@ -51,7 +52,7 @@ WRITTEN_BY = {
 }
 
 
-def document(results: ObstacleResults, find: Findings) -> Document:
+def document(results: ObstacleResults, find: Findings) -> JudgedDocument:
     """Page with its tables and verdicts; figures come from `figures.figures`."""
     published = read_published()
     shown = tables(results, published)
@@ -61,13 +62,13 @@ def document(results: ObstacleResults, find: Findings) -> Document:
         "worst_goal": limited.loc[limited["goal_published"].idxmax()],
         "late_network": limited.loc[limited["model"].str.startswith(NETWORK), "late_goal_published"].max(),
     }
-    return Document(
+    return JudgedDocument(
         template="obstacles.html.jinja",
         package=PACKAGE,
         stage="obstacles_report",
         facts=named,
         tables=shown,
-        judged=judge(read_claims(FOLDER / "claims.yaml"), find, environment(PACKAGE), named),
+        judged=judge(read_claims(FOLDER / "claims.yaml"), find, named),
         sources=WRITTEN_BY,
         parameters=results.parameters,
         recordings="../rerun/obstacles",

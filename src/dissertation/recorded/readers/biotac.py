@@ -13,7 +13,7 @@ from structlearn.core.errors import MissingInputError
 from structlearn.readers.demonstration import Recording
 
 
-def read_touch(folder: Path, entry: Any, left_out: dict[str, str]) -> list[Recording]:
+def read_transfer(folder: Path, entry: Any, left_out: dict[str, str]) -> list[Recording]:
     """The first `entry.part` slides over each material, all logs of unscrewing, an execution of scraping."""
     readers: dict[str, Callable[[], list[Recording]]] = {
         "scraping": lambda: clmc.read_scraping_execution(folder / "clmc"),

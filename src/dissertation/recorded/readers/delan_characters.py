@@ -24,7 +24,7 @@ ARRAYS = {  # array of each signal
 }
 
 
-def read_motion(folder: Path, entry: Any = None, left_out: LeftOut = None) -> list[PartedLog]:
+def read_parts(folder: Path, entry: Any = None, left_out: LeftOut = None) -> list[PartedLog]:
     """One log per character, 25 Hz, in alphabetical order."""
     path, *_ = SOURCE.files(folder, "characters.npz", "characters.npz")
     arrays = read_arrays(path)

@@ -15,6 +15,7 @@ from structlearn.readers.clock import synchronise
 from structlearn.readers.demonstration import Recording, Stream
 from structlearn.readers.foreign_tables import PublicSet, natural_order, read_each, read_stamped_table
 from structlearn.readers.joint_log import JointLog
+from structlearn.tasks.touch.touch_names import material_of
 
 SOURCE = PublicSet(
     "https://github.com/dexrob/BioTac_slide_20_50",
@@ -57,11 +58,6 @@ def read_motion(folder: str | Path, entry: Any, left_out: dict[str, str] | None 
         stamps = np.round(1e9 * run.time).astype(np.int64)
         logs.append(JointLog(run.name, JOINTS, stamps, *signals, provenance=run.provenance))
     return logs
-
-
-def material_of(trial: str) -> str:
-    """Material of a trial, e.g. `mat9` for `mat9_1`."""
-    return trial.rpartition("_")[0]
 
 
 def read_slide(folder: Path, name: str) -> Recording:

@@ -29,7 +29,7 @@ from dissertation.scraping.page.tables import (
 from dissertation.scraping.protocol.execution_scores import AFTER, BEFORE, NOMINAL
 from dissertation.scraping.protocol.feedback_models import LEVEL, POINTWISE, REPRESENTATIONS, UNROLLED
 from dissertation.scraping.protocol.sample_efficiency import CMA_ES, PI2
-from structlearn.reporting.claims import UNKNOWN, Evidence, difference, mean
+from structlearn.reporting.evidence import UNKNOWN, Evidence, difference, mean
 from structlearn.reporting.findings import Findings
 from structlearn.reporting.prose import level_name
 from structlearn.segmentation.alignment import METHODS, RESULT

@@ -5,9 +5,11 @@ from functools import partial
 from pathlib import Path
 from typing import Any
 
+from dissertation.evidence.claims import judge, read_claims
+from dissertation.evidence.page import JudgedDocument
 from dissertation.evidence.studies import rests_on
 from dissertation.scraping import names
-from dissertation.scraping.page import board_figures, demonstration_figures, tables
+from dissertation.scraping.page import alignment_figures, board_figures, demonstration_figures, tables
 from dissertation.scraping.page.findings import people_of
 from dissertation.scraping.page.stored import PEOPLE, Stored, channel_name
 from dissertation.scraping.protocol.feedback_models import POINTWISE
@@ -15,8 +17,7 @@ from dissertation.scraping.world.scene_still import scraping_still
 from structlearn.core.params import read_values
 from structlearn.primitives.kernels import KERNEL_COUNT
 from structlearn.reporting import movement_figures
-from structlearn.reporting.claims import judge, read_claims
-from structlearn.reporting.document import Document, Source, Table, environment
+from structlearn.reporting.document import Source, Table
 from structlearn.reporting.figure_style import Drawing, Raster
 from structlearn.reporting.findings import Findings
 from structlearn.reporting.prose import listing
@@ -55,7 +56,7 @@ def pages(
     shown: Mapping[str, Table],
     printed: Mapping[str, Any],
     listed: Mapping[str, Iterable[str]],
-) -> dict[str, Document]:
+) -> dict[str, JudgedDocument]:
     """All pages, keyed by file name.
 
     `frames`: tables of `tables.derived`; `shown`: the same as displayed; `printed`: of `published`; `listed`:
@@ -89,13 +90,13 @@ def pages(
         name = "segmentation" if page == "index" else page
         claims = read_claims(Path(__file__).with_name(f"{name}_claims.yaml"))
         its = facts | {"page": page}
-        made[page] = Document(
+        made[page] = JudgedDocument(
             template=f"{name}.html.jinja",
             package=__package__,
             stage="scraping_report",
             facts=its,
             tables=shown,
-            judged=judge(claims, find, environment(__package__), its),
+            judged=judge(claims, find, its),
             sources=SOURCES,
             parameters={key: stored.parameters[key] for key in keys},
             recordings="../rerun/scraping",
@@ -114,7 +115,7 @@ def drawings(stored: Stored, frames: tables.Frames) -> dict[str, Drawing | Seque
         "demonstrations": demonstration_figures.demonstrations_figure(stored),
         "one_demonstration": demonstration_figures.one_demonstration_figure(stored),
         "space": demonstration_figures.space_figure(stored),
-        "downsampling": movement_figures.downsampling_figure(raw["downsampling"]),
+        "downsampling": alignment_figures.downsampling_figure(raw["downsampling"]),
         "position_fit": demonstration_figures.position_fit_figure(stored),
         "forcing": demonstration_figures.forcing_figure(stored.primitives),
         "sequence": movement_figures.sequence_figure(stored.sequences),
@@ -138,8 +139,10 @@ def drawings(stored: Stored, frames: tables.Frames) -> dict[str, Drawing | Seque
     if stored.guesses:
         first = stored.found_primitives[0]
         guess = stored.most_refined_guess(first.name)
-        made["correspondences"] = movement_figures.correspondence_figure(stored.reference, guess, cuts, first)
-        made["alignment"] = movement_figures.alignment_figure(stored.was_cut, cuts, stored.found_primitives)
+        made["correspondences"] = alignment_figures.correspondence_figure(
+            stored.reference, guess, cuts, first
+        )
+        made["alignment"] = alignment_figures.alignment_figure(stored.was_cut, cuts, stored.found_primitives)
     if stored.refined_deg in tables.settings(raw["refined_scores"]):
         made["refinement_snapshots"] = board_figures.snapshots_figure(stored)
     if "search_efficiency" in frames:

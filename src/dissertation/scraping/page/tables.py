@@ -26,8 +26,8 @@ from structlearn.feedback.coupling_dataset import PARTS
 from structlearn.policy_search.refinement import FEEDBACK
 from structlearn.primitives.fitting import reproduction_summary
 from structlearn.readers.demonstration import Demonstration
-from structlearn.reporting.claims import UNKNOWN, Evidence
 from structlearn.reporting.document import Table
+from structlearn.reporting.evidence import UNKNOWN, Evidence
 from structlearn.reporting.prose import with_spread
 from structlearn.segmentation import cut_errors
 from structlearn.segmentation.alignment import RESULT

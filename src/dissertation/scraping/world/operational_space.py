@@ -12,8 +12,9 @@ from typing import NamedTuple
 import numpy as np
 
 from structlearn.core.compilation import cross, numba
-from structlearn.rigid_body.compiled_chain import Body, Workspace, body, dynamics, factorise, solve, workspace
-from structlearn.rigid_body.tree import Robot
+from structlearn.rigid_body.compiled_chain import Workspace, dynamics, factorise, solve, workspace
+from structlearn.rigid_body.robot import Robot
+from structlearn.rigid_body.tree import RobotArrays, robot_arrays
 
 ELBOW_STIFFNESS, ELBOW_DAMPING = 40.0, 12.0  # 1/s^2 and 1/s; slow, since the elbow need not hurry
 
@@ -21,7 +22,7 @@ ELBOW_STIFFNESS, ELBOW_DAMPING = 40.0, 12.0  # 1/s^2 and 1/s; slow, since the el
 class Arm(NamedTuple):
     """The controller's model of the arm, and its observations in the base frame."""
 
-    body: Body  # arm with hand and unloaded tool
+    arrays: RobotArrays  # arm with hand and unloaded tool
     work: Workspace
     edge_rotation: np.ndarray  # (3, 3) edge frame in the last link's frame
     edge_place: np.ndarray  # (3,) m, its origin there
@@ -51,7 +52,7 @@ def controlled(robot: Robot, posture: np.ndarray) -> Arm:
     count, model = len(posture), robot.model
     edge = model.frames[model.getFrameId("edge")].placement
     return Arm(
-        body=body(robot.tree, robot.inertias),
+        arrays=robot_arrays(robot.tree, robot.inertias),
         work=workspace(count),
         edge_rotation=np.ascontiguousarray(edge.rotation),
         edge_place=edge.translation.copy(),
@@ -74,7 +75,7 @@ def observe(arm: Arm, q: np.ndarray, v: np.ndarray) -> None:
     count = len(arm.q)
     arm.q[:], arm.v[:] = q[:count], v[:count]
     work, jacobian = arm.work, arm.jacobian
-    dynamics(arm.body, arm.q, arm.v, work)
+    dynamics(arm.arrays, arm.q, arm.v, work)
     frame, place, x = work.frame[-1], work.place[-1], arm.position
     for i in range(3):
         x[i] = place[i]

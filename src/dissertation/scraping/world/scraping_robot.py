@@ -14,7 +14,7 @@ import pinocchio
 import pybullet_data
 
 from dissertation.scraping.world.layout import EDGE_M, GRASP_M
-from structlearn.rigid_body.tree import Robot, robot_of
+from structlearn.rigid_body.robot import Robot, robot_of
 
 GRAVITY = 9.81  # m/s^2
 ARM_JOINTS = 7

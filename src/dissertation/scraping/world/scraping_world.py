@@ -28,7 +28,8 @@ from dissertation.scraping.world.scraping_robot import (
 )
 from structlearn.core.compilation import compiled_inside, cross, numba
 from structlearn.core.params import Parameters
-from structlearn.rigid_body.compiled_chain import Body, Workspace, body, dynamics, step, workspace
+from structlearn.rigid_body.compiled_chain import Workspace, dynamics, step, workspace
+from structlearn.rigid_body.tree import RobotArrays, robot_arrays
 
 EDGE_POINTS = 11
 
@@ -75,7 +76,7 @@ class Board(NamedTuple):
 class World(NamedTuple):
     """State and model of robot, tool and board; the arrays are updated in place."""
 
-    body: Body  # arm, grasp and tool, thirteen joints
+    arrays: RobotArrays  # arm, grasp and tool, thirteen joints
     work: Workspace  # kinematics and dynamics at q and v
     q: np.ndarray  # (13,) positions of arm and grasp joints, rad and m
     v: np.ndarray  # (13,) their velocities
@@ -110,7 +111,7 @@ def placed(
     q = np.concatenate([angles, np.zeros(len(GRASP_JOINTS))])
     q[ARM_JOINTS + 2] = TOOL_KG * GRAVITY / own.grasp_n_m  # the tool's weight pulls along the fingers
     world = World(
-        body=body(robot.tree, robot.inertias),
+        arrays=robot_arrays(robot.tree, robot.inertias),
         work=workspace(count),
         q=q,
         v=np.zeros(count),
@@ -133,7 +134,7 @@ def placed(
         grasp_load=np.zeros(6),
         torques=np.zeros(count),
     )
-    dynamics(world.body, world.q, world.v, world.work)
+    dynamics(world.arrays, world.q, world.v, world.work)
     load(world, np.zeros(ARM_JOINTS))
     return world
 
@@ -143,7 +144,7 @@ def advance(world: World, torques: np.ndarray) -> None:
     """Advance by one control tick with constant arm torques (7,) in N m."""
     for _ in range(world.substeps):
         load(world, torques)
-        step(world.body, world.q, world.v, world.torques, world.dt, world.work)
+        step(world.arrays, world.q, world.v, world.torques, world.dt, world.work)
 
 
 @numba.njit(cache=True, error_model="numpy")

@@ -35,7 +35,7 @@ from dissertation.servoing.protocol.servo_variants import (
 )
 from structlearn.core.metrics import matching
 from structlearn.core.params import read_values
-from structlearn.reporting.claims import UNKNOWN, Evidence, Found, clustered_share, difference
+from structlearn.reporting.evidence import UNKNOWN, Evidence, Found, clustered_share, difference
 from structlearn.reporting.findings import Findings
 from structlearn.tactile.electrodes import SKINS, Skin, map_laying
 from structlearn.tactile.latent_parameters import FORWARD_OF, JACOBIAN, LOCALLY_LINEAR, NO_INVERSE, STRUCTURES
@@ -330,7 +330,7 @@ def _of_person(find: Findings, results: ServoingResults) -> None:
     find.add(RATE, rates)
     counts = {"": loops.counts(OURS).sum(), "published": loops.counts(AS_PUBLISHED).sum()}
     lost = {case: (its["lost"], its["trials"]) for case, its in counts.items()}
-    find.counted("servo_contacts_lost", lost)
+    find.exact_count("servo_contacts_lost", lost)
 
 
 def _prediction(find: Findings, people: People) -> None:

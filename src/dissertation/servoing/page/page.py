@@ -7,6 +7,8 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 
+from dissertation.evidence.claims import judge, read_claims
+from dissertation.evidence.page import JudgedDocument
 from dissertation.evidence.studies import rests_on
 from dissertation.servoing import names
 from dissertation.servoing.files import MADE_BY
@@ -33,8 +35,7 @@ from dissertation.servoing.page.findings import (
 from dissertation.servoing.protocol.servo_scores import KEYS, ControllerScores, success_rates
 from dissertation.servoing.protocol.servo_variants import Variant
 from structlearn.core.metrics import mean_interval
-from structlearn.reporting.claims import judge, read_claims
-from structlearn.reporting.document import Document, Source, Table, environment
+from structlearn.reporting.document import Source, Table
 from structlearn.reporting.findings import Findings
 from structlearn.tactile.latent_parameters import FORWARD_OF, STRUCTURES
 from structlearn.tactile.touch_dataset import OTHER, ROTATION, SPLITS, TRANSLATION
@@ -62,7 +63,7 @@ LOOP_COLUMNS = {
 """Heading and number format of each closed-loop column."""
 
 
-def document(results: ServoingResults, find: Findings) -> Document:
+def document(results: ServoingResults, find: Findings) -> JudgedDocument:
     """Page with its tables and verdicts; figures come from `figures.drawings`."""
     errors, shown = results.contact_errors, tables(results)
     squares = np.square(errors[["along_mm", "across_mm"]]).to_numpy().sum()
@@ -80,13 +81,13 @@ def document(results: ServoingResults, find: Findings) -> Document:
         "fixed_share": contact_bias(errors)["squared_mm2"].sum() / squares,
     }
     claims = read_claims(Path(__file__).with_name("claims.yaml"))
-    return Document(
+    return JudgedDocument(
         template="servoing.html.jinja",
         package=__package__,
         stage="servoing_report",
         facts=facts,
         tables=shown,
-        judged=judge(claims, find, environment(__package__), facts),
+        judged=judge(claims, find, facts),
         sources={name: Source(*made) for name, made in MADE_BY.items()},
         parameters=results.chosen,
         recordings="../rerun/servoing",

@@ -46,7 +46,7 @@ from structlearn.tactile.geodesics import geodesics
 from structlearn.tactile.latent_comparison import LatentComparison, learn
 from structlearn.tactile.latent_models import TrainedTouch
 from structlearn.tactile.latent_parameters import GeodesicParameters, LatentParameters
-from structlearn.tactile.servo_controller import Caution, RestingServo, ServoParameters, TactileServo
+from structlearn.tactile.servo_controller import ModelTrust, RestingServo, ServoParameters, TactileServo
 from structlearn.tactile.touch_dataset import TEST_STRIDE, TouchDataParameters, prepare
 
 MOTIONS = ("rotation", "translation", "mixed")  # across the finger, along it, both
@@ -118,12 +118,12 @@ def make_controller(
     whole = (*trained, variant.structure, servo_parameters, *steps)
     if variant.form == PUBLISHED:
         return TactileServo(*whole), loop
-    caution = Caution(
+    trust = ModelTrust(
         by_likelihood=variant.change != ALL_ALIKE,
         spread=0.0 if variant.change == DERIVATIVE else parameters.resting.spread,
         correction=0.0 if variant.change == UNCORRECTED else parameters.resting.correction,
     )
-    return RestingServo(*whole, caution), loop
+    return RestingServo(*whole, trust), loop
 
 
 def _run(

@@ -195,7 +195,8 @@ def train_unrolled(
             coupling = coupling.reshape(len(chosen), -1)  # (B, T)
             path_loss = (coupling @ response.T - correction[chosen]).square().mean()
             coupling_loss = (coupling - target[chosen]).square().mean()
-            optimiser.step(path_loss + parameters.coupling_loss_weight * coupling_loss)
+            loss = path_loss + parameters.coupling_loss_weight * coupling_loss
+            optimiser.step(torch.autograd.grad(loss, optimiser.parameters))
             if step % VALIDATION_INTERVAL == 0 or step == parameters.steps:
                 network = stack.to_network(0, initial.input_mean, initial.input_scale, target_scale)
                 error = np.mean(unrolled_error(network, validation) ** 2)

@@ -1,4 +1,4 @@
-"""Proposed entry of `stages/tasks/own.yaml` for recordings: what the files show and the defaults do not.
+"""Proposed entry of `structlearn.yaml` for recordings: what the files show and the defaults do not.
 
 Choices among several options, and possible problems, are noted beside the key concerned.
 """
@@ -16,7 +16,7 @@ from structlearn.rigid_body.urdf import moving_joints
 from structlearn.tasks.inspection.fitness import IN_STEP_S, out_of_step
 from structlearn.tasks.inspection.hand_motion import Candidate, MotionSurvey, pose_words
 from structlearn.tasks.inspection.source_survey import SourceSeen
-from structlearn.tasks.task_files import local_path
+from structlearn.tasks.task_files import is_name, local_path
 
 # Usual names of tactile topics; other arrays are commands and the like
 TOUCH = re.compile(r"tactile|biotac|finger|skin|taxel|touch|press", re.IGNORECASE)
@@ -64,10 +64,11 @@ def propose(
 
 
 def task_name(source: str) -> str:
-    """Task name from a path: lower-case letters, digits and _ of its last part."""
+    """Task name from a path: lower-case letters, digits and _ of its last part, after `task` if need be."""
     path = local_path(source).absolute()
     words = re.findall(r"[a-z0-9]+", (path.stem if path.is_file() else path.name).lower())
-    return "_".join(words)[:60] or "task"
+    name = "_".join(words)
+    return name[:60] if is_name(name[:60]) else "_".join(["task", *words])[:60]
 
 
 def from_home(path: str) -> str:

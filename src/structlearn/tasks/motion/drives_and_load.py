@@ -25,9 +25,10 @@ from structlearn.rigid_body.regressor import (
     link_parameters,
     torque_regressor,
 )
-from structlearn.rigid_body.tree import KinematicTree, LinkInertias, Robot
-from structlearn.tasks.motion import motion_parameters as names
-from structlearn.tasks.motion.motion_parameters import CENTRE, MotionParameters
+from structlearn.rigid_body.robot import Robot
+from structlearn.rigid_body.tree import KinematicTree, LinkInertias
+from structlearn.tasks.motion import parameters as names
+from structlearn.tasks.motion.parameters import CENTRE, MotionParameters
 
 # Friction terms of least squares on logs, with an offset, since torque and current sensors may not be zeroed
 FRICTION = FRICTIONS["offset"]

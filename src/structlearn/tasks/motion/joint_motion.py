@@ -35,13 +35,16 @@ from structlearn.rigid_body.friction import FRICTIONS, friction_columns
 from structlearn.rigid_body.log_fitness import log_fitness, parameter_table
 from structlearn.rigid_body.model_comparison import NETWORKS, TRAIN, Models, NetworkTraining
 from structlearn.rigid_body.motion import Motion, joined, measured_motion
-from structlearn.rigid_body.tree import KinematicTree, Robot, joint_order, read_urdf
+from structlearn.rigid_body.robot import Robot, read_urdf
+from structlearn.rigid_body.tree import KinematicTree, joint_order
 from structlearn.rigid_body.urdf import urdf_path
 from structlearn.tasks.motion import drives_and_load
 from structlearn.tasks.motion.drives_and_load import FRICTION, longest_motion
-from structlearn.tasks.motion.motion_parameters import (
+from structlearn.tasks.motion.parameters import (
     FOUND,
+    GRAVITY_SHARE,
     QUOTED,
+    TEST_EVERY,
     MotionParameters,
     NetworkChoiceParameters,
 )
@@ -250,10 +253,10 @@ def held_out(motions: Mapping[str, Motion], parameters: MotionParameters) -> Pie
     """Split motions into training (`TRAIN`) and test pieces.
 
     Named logs are parts of their own, including those without load that no parameter names. Otherwise the
-    last logs are the test part. A single log (or the first, if `train_share` is given) is split into its
+    last log is the test part. A single log (or the first, if `train_share` is given) is split into its
     start for training and the rest, or into blocks of time.
     """
-    names, every = list(motions), parameters.test_every
+    names = list(motions)
     if parameters.train is not None:
         asked = [name for name in names if name != parameters.train and not CARRIES.search(name)]
         asked.sort(key=lambda name: name != parameters.test)
@@ -263,12 +266,11 @@ def held_out(motions: Mapping[str, Motion], parameters: MotionParameters) -> Pie
         start, rest = motions[names[0]].split(parameters.train_share)
         return {TRAIN: [(names[0], start)], TEST: [(names[0], rest)]}
     if len(names) > 1:
-        last = len(names) - min(parameters.test_logs, len(names) - 1)
-        return {TRAIN: list(motions.items())[:last], TEST: list(motions.items())[last:]}
+        return {TRAIN: list(motions.items())[:-1], TEST: list(motions.items())[-1:]}
     motion, name = motions[names[0]], names[0]
     pieces = [(name, motion.part(piece)) for piece in blocks(np.arange(len(motion)), parameters.block)]
-    kept = [its for place, its in enumerate(pieces) if place % every != every - 1]
-    return {TRAIN: kept, TEST: pieces[every - 1 :: every] or [(name, motion.part(slice(0, 0)))]}
+    kept = [its for place, its in enumerate(pieces) if place % TEST_EVERY != TEST_EVERY - 1]
+    return {TRAIN: kept, TEST: pieces[TEST_EVERY - 1 :: TEST_EVERY] or [(name, motion.part(slice(0, 0)))]}
 
 
 def _motion_table(
@@ -304,7 +306,7 @@ def gravity_check(robot: Robot, motion: Motion, parameters: MotionParameters) ->
     parts = np.concatenate([gravity[..., None], moving[..., None], friction], axis=2)
     each = list(zip(parts.swapaxes(0, 1), motion.torque.T, strict=True))
     share = np.array([np.linalg.lstsq(its, torque, rcond=None)[0][0] for its, torque in each])
-    varies, least = np.array([its.std() for its in gravity.T]), parameters.gravity_share
+    varies, least = np.array([its.std() for its in gravity.T]), GRAVITY_SHARE
     cases = [varies < parameters.gravity_n_m, (least <= share) & (share <= 1.0 / least), share < 1.0 - least]
     return pd.DataFrame(
         {

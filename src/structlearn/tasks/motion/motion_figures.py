@@ -1,17 +1,17 @@
 """Figures of joint logs: errors by joint, torques, loads over time, delays of the drives."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
 import pandas as pd
 from matplotlib.figure import Figure
 
-from structlearn.palette import BLACK, BLUE, CATEGORICAL_COLOURS, GREY, ORANGE, PINK, Look
+from structlearn.palette import BLACK, BLUE, CATEGORICAL_COLOURS, GREY, ORANGE
 from structlearn.reporting.figure_style import Drawing, legend, panel, styled
 from structlearn.rigid_body.motion import Motion
-from structlearn.tasks.motion.motion_parameters import CARRYING, DELAY, EMPTY, LEARNED
 from structlearn.tasks.motion.motion_results import BEST, BOUNDS, LOOKS, URDF, MotionResults, chosen
+from structlearn.tasks.motion.parameters import CARRYING, DELAY, EMPTY, LEARNED
 
 # Models whose torques are drawn beside the measured ones
 TRACED = (URDF, ("mlp", "none"), (BEST, "viscous"), (BEST, "coulomb"))
@@ -23,9 +23,6 @@ STAGES = {
     EMPTY: ("empty: another\nmotion", "#ffffff"),
     CARRYING: ("with the load", "#e3eef5"),
 }
-
-
-PART_LOOKS = {"mlp": Look("MLP", ORANGE), "delan": Look("DeLaN", PINK), "cov": Look("planar arm, Cov", BLUE)}
 
 
 def motion_figures(results: MotionResults) -> dict[str, Drawing | Sequence[Drawing]]:
@@ -109,21 +106,6 @@ def delay_panel(results: MotionResults) -> Figure:
         axes.plot(results.drive(DELAY, joint).value, 1.0, "o", color=colour, markersize=5)
     axes.set_ylim(0.99, 1.0 + 0.7 * (its["squares"].max() - 1.0))
     return legend(figure, 3)
-
-
-@styled
-def parts_panel(parts: pd.DataFrame, published: Mapping[str, float]) -> Figure:
-    """Errors of all trainings by part of the torque, with the published errors."""
-    labels = {"ylabel": "squared error", "yscale": "log"}
-    figure, axes = panel("Held-out characters", 3.5, **labels)
-    places = np.arange(len(published))
-    for shift, (model, look) in zip((-0.2, 0.0, 0.2), PART_LOOKS.items(), strict=True):
-        its = parts[parts["model"] == model]
-        where = its["measure"].map(dict(zip(published, places, strict=True))) + shift
-        axes.plot(where, its["error"], "o", color=look.colour, markersize=3.5, alpha=0.6, label=look.name)
-    axes.hlines(list(published.values()), places - 0.4, places + 0.4, color=BLACK, label="DeLaN, published")
-    axes.set_xticks(places, list(published))
-    return legend(figure)
 
 
 @styled

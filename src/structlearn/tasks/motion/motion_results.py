@@ -8,14 +8,14 @@ import pandas as pd
 
 from structlearn.core.metrics import block_count, block_sums, drawn_counts, percentiles
 from structlearn.palette import BLACK, BLUE, GREEN, GREY, LIGHT_BLUE, OCHRE, ORANGE, PINK, Look
-from structlearn.reporting.claims import Evidence, Found, confidence, counted, exact, mean, unknown
+from structlearn.reporting.evidence import Evidence, Found, confidence, exact, exact_count, mean, unknown
 from structlearn.reporting.findings import Findings
 from structlearn.reporting.prose import interval, rounded
 from structlearn.rigid_body import friction
 from structlearn.rigid_body.model_names import DEFAULT, NAMES, STRICT
 from structlearn.rigid_body.motion import drawn_nmse
-from structlearn.tasks.motion import motion_parameters as protocol
-from structlearn.tasks.motion.motion_parameters import MotionParameters
+from structlearn.tasks.motion import parameters as protocol
+from structlearn.tasks.motion.parameters import MotionParameters
 
 # The original URDF; the kind that becomes a URDF; the kind that need not be physically consistent
 URDF, BEST, BOUNDS = ("urdf", "none"), "cov", "least_squares"
@@ -203,7 +203,7 @@ def motion_findings(results: MotionResults) -> Findings:
     find.among("joints").exact("written_torques", float(written.max()), len(written), unit="N m")
     links = chosen(results["links"], model=BEST, friction=results.best[1])
     possible = links[["positive_mass", "positive_definite", "triangle"]].all(axis=1)
-    find.among("links").counted("possible_bodies", int(possible.sum()), len(possible))
+    find.among("links").exact_count("possible_bodies", int(possible.sum()), len(possible))
     return find
 
 
@@ -234,7 +234,7 @@ def _models(results: MotionResults) -> dict[str, Row]:
         "nmse": levels[results.best],
         "nmse_urdf": levels[URDF],
         "mean_nmse": {model_words(key): its.evidence() for key, its in levels.items()},
-        "better_joints": counted(int(better.sum()), len(better)),
+        "better_joints": exact_count(int(better.sum()), len(better)),
         "over_networks": {
             MODELS[key[0]]: Drawn(levels[key].samples - worst.samples, worst.n)
             for key in levels

@@ -8,8 +8,8 @@ from matplotlib.figure import Figure
 
 from structlearn.palette import BLACK, METHOD_NAMES
 from structlearn.readers.demonstration import Demonstration
-from structlearn.reporting.claims import difference
 from structlearn.reporting.document import Table
+from structlearn.reporting.evidence import difference
 from structlearn.reporting.figure_style import PANEL_WIDTH, canvas, styled
 from structlearn.reporting.findings import Findings
 from structlearn.reporting.movement_figures import draw_cuts, noise_figure, shade_primitives, speed
@@ -19,7 +19,7 @@ from structlearn.segmentation.cut_errors import errors_by_level, errors_by_seed,
 from structlearn.segmentation.quality import MEASURES, quality
 from structlearn.segmentation.segments import Segmentation
 from structlearn.tasks.movement.movement_learning import cut_metrics
-from structlearn.tasks.movement.movement_parameters import MovementEntry
+from structlearn.tasks.movement.parameters import MovementEntry
 from structlearn.tasks.section import Section
 from structlearn.tasks.shown_tables import shown
 from structlearn.tasks.task_files import TaskFiles

@@ -33,7 +33,7 @@ from structlearn.primitives.vector import VectorPrimitive
 from structlearn.readers.demonstration import Demonstration
 from structlearn.segmentation.parameters import SegmentParameters
 from structlearn.segmentation.segments import execution_cuts
-from structlearn.tasks.movement.movement_parameters import TaskFeedbackParameters
+from structlearn.tasks.movement.parameters import TaskFeedbackParameters
 
 NETWORKS = "networks.safetensors"
 

@@ -9,6 +9,7 @@ demonstrations by hand. No images are written. `meta/episodes` also has the qual
 """
 
 import json
+import math
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
@@ -46,7 +47,8 @@ def write_lerobot(
 
     `task`: what is done, in words; `smoothing_hz`: low-pass of positions for the quality measures; `fps`:
     frames per second, by default the clock's rate if whole; `robot`: its name. Raises InputError: no
-    demonstration was cut, signals differ between demonstrations, or `fps` is needed.
+    demonstration was cut, signals differ between demonstrations, or `fps` is needed, not positive or above
+    the clock's rate.
     """
     cuts = segmentation.results
     runs = [run for run in runs if all(run.name in table.index for table in cuts.values())]
@@ -56,6 +58,12 @@ def write_lerobot(
     if fps is None and abs(rate - round(rate)) > 1e-6 * rate:
         raise InputError(
             f"{target}: the clock has {rate:g} Hz; a LeRobotDataset needs a whole number, give one"
+        )
+    most = math.ceil(rate * (1 - 1e-6))
+    if fps is not None and not 1 <= fps <= most:
+        raise InputError(
+            f"{target}: {fps} frames per second: give 1 to {most}, the clock's rate, above which frames are "
+            "only interpolated"
         )
     fps = fps or round(rate)
     names = state_names(runs[0])

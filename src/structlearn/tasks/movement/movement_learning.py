@@ -38,7 +38,7 @@ from structlearn.segmentation.alignment import RESULT, WARNING_COLUMNS
 from structlearn.segmentation.cut_errors import between_dwells, cut_errors, mean_cut_errors_ms
 from structlearn.segmentation.parameters import SegmentParameters
 from structlearn.segmentation.segments import PAIR_COLUMNS, Segmentation, cut
-from structlearn.tasks.movement.movement_parameters import PARTS, RestParameters
+from structlearn.tasks.movement.parameters import PARTS, RestParameters
 
 SAMPLES = 500  # per path in normalised time
 

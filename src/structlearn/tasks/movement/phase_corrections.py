@@ -30,7 +30,7 @@ from structlearn.primitives.position import PositionPrimitive, in_local_frame
 from structlearn.primitives.trajectory import Trajectory, differentiated
 from structlearn.primitives.vector import VectorPrimitive, sample_count
 from structlearn.readers.demonstration import Demonstration
-from structlearn.tasks.movement.movement_parameters import PhaseCorrectionParameters
+from structlearn.tasks.movement.parameters import PhaseCorrectionParameters
 
 AXES = ("x", "y", "z")  # of the local frame: x from start to goal, z upwards, y sideways
 SAMPLES = 500  # per movement in normalised time, for distances and tables

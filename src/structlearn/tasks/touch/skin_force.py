@@ -1,7 +1,7 @@
 """Contact force estimated from the channels of a tactile skin, learned from readings of a scale.
 
 In each recording a probe is pressed into the skin several times at one place. Channels and scale lag behind
-the commanded depth; both lags are estimated from the training recording.
+the commanded depth; both lags are estimated from what the models learn from.
 """
 
 from collections.abc import Callable, Mapping, Sequence
@@ -14,9 +14,9 @@ import pandas as pd
 from structlearn.core.errors import InputError
 from structlearn.core.parallel import parallel_map
 from structlearn.readers.user_tables import TouchLog
+from structlearn.tasks.touch.parameters import ForceParameters
 from structlearn.tasks.touch.skin_readings import gaussian_process, polynomial
 from structlearn.tasks.touch.touch_names import NEW_PRESSES, NEW_RUN, PRESSURE, PROCESS, QUADRATIC
-from structlearn.tasks.touch.touch_parameters import ForceParameters
 
 PRESSURE_DEGREE = 4  # of the polynomial of the channels' norm
 LAG_STEP_S = 0.02  # grid of lags; the best one is refined by a parabola
@@ -88,22 +88,19 @@ def _run_errors(
     run: Strokes, runs: Sequence[Strokes], parameters: ForceParameters, known: int
 ) -> tuple[list[pd.DataFrame], ...]:
     """Tables of errors, lags and traces of what is learned from one recording."""
-    effects = {
-        "signals_s": (run.time, np.linalg.norm(run.counts, axis=1)),
-        "force_s": (run.weighed_s, run.force),
-    }
-    lags = {
-        name: lag_behind(run.time, run.depth, *effect, parameters.longest_lag_s)
-        for name, effect in effects.items()
-    }
+    number = press_numbers(run.weighed_s, run.force, parameters.pressed_n)
+    lags = _lags(run, parameters.longest_lag_s)
     own = weighed_presses(run, lags, parameters.pressed_n)
     presses = np.unique(own.press)
     row = {"run": run.name} | lags | {"readings": len(own.force), "presses": len(presses)}
     errors, traces = [], []
     for press in presses:
-        left_out = own.press == press
-        models = _models(own.part(~left_out), parameters.penalties)
-        table, _ = _press_errors(own.part(left_out), models)
+        span = run.weighed_s[number == press]
+        others = _lags(run, parameters.longest_lag_s, (span[0], span[-1]))
+        lagging = weighed_presses(run, others, parameters.pressed_n)
+        left_out = lagging.press == press
+        models = _models(lagging.part(~left_out), parameters.penalties)
+        table, _ = _press_errors(lagging.part(left_out), models)
         errors.append(table.assign(asked_about=run.name, new=NEW_PRESSES))
     models = _models(own, parameters.penalties) | {PROCESS: _process(own, known)}
     for other in (one for one in runs if one.name != run.name):
@@ -115,11 +112,33 @@ def _run_errors(
     return [its.assign(learned_from=run.name) for its in errors], [pd.DataFrame([row])], traces
 
 
+def _lags(run: Strokes, longest: float, left_out: tuple[float, float] | None = None) -> dict[str, float]:
+    """Lags of channels and scale behind the depth, without the press between two times."""
+    effects = {
+        "signals_s": (run.time, np.linalg.norm(run.counts, axis=1)),
+        "force_s": (run.weighed_s, run.force),
+    }
+    return {
+        name: lag_behind(run.time, run.depth, *effect, longest, left_out) for name, effect in effects.items()
+    }
+
+
 def lag_behind(
-    cause_time: np.ndarray, cause: np.ndarray, time: np.ndarray, effect: np.ndarray, longest: float
+    cause_time: np.ndarray,
+    cause: np.ndarray,
+    time: np.ndarray,
+    effect: np.ndarray,
+    longest: float,
+    left_out: tuple[float, float] | None = None,
 ) -> float:
-    """Lag of maximum cross-correlation, in s, 0 to `longest`, of an effect (M,) behind its cause (N,)."""
+    """Lag of maximum cross-correlation, in s, 0 to `longest`, of an effect (M,) behind its cause (N,).
+
+    `left_out`: start and end in s of what is not compared, at any lag.
+    """
     grid = np.arange(cause_time[0], cause_time[-1] - longest, LAG_STEP_S)
+    if left_out is not None:
+        start, end = left_out
+        grid = grid[(grid < start - longest - 1.5 * LAG_STEP_S) | (grid > end + LAG_STEP_S)]
     known = np.interp(grid, cause_time, cause)
     lags = np.arange(-LAG_STEP_S, longest + 1.5 * LAG_STEP_S, LAG_STEP_S)
     alike = [np.corrcoef(known, np.interp(grid + lag, time, effect))[0, 1] for lag in lags]
@@ -168,22 +187,24 @@ def _process(training: WeighedPresses, known: int) -> Estimate:
 def _quadratic(training: WeighedPresses, penalties: Sequence[float]) -> Estimate:
     """Ridge regression with the penalty that is best on training presses left out in turn."""
     from sklearn.linear_model import Ridge
-    from sklearn.pipeline import make_pipeline
+    from sklearn.pipeline import Pipeline, make_pipeline
     from sklearn.preprocessing import PolynomialFeatures, StandardScaler
 
-    inputs = make_pipeline(StandardScaler(), PolynomialFeatures(2, include_bias=False), StandardScaler())
-    seen, part = inputs.fit_transform(training.channels), training.press % INNER_FOLDS
+    def regression(penalty: float) -> Pipeline:
+        inputs = StandardScaler(), PolynomialFeatures(2, include_bias=False), StandardScaler()
+        return make_pipeline(*inputs, Ridge(penalty))
+
+    part = training.press % INNER_FOLDS
 
     def missed(penalty: float) -> float:
-        errors = [
-            Ridge(penalty).fit(seen[part != one], training.force[part != one]).predict(seen[part == one])
-            - training.force[part == one]
-            for one in np.unique(part)
-        ]
-        return sum(np.square(error).sum() for error in errors)
+        squares = 0.0
+        for one in np.unique(part):
+            known, asked = training.part(part != one), training.part(part == one)
+            read = regression(penalty).fit(known.channels, known.force).predict
+            squares += np.square(read(asked.channels) - asked.force).sum()
+        return squares
 
-    best = Ridge(min(penalties, key=missed))
-    return make_pipeline(inputs, best).fit(training.channels, training.force).predict
+    return regression(min(penalties, key=missed)).fit(training.channels, training.force).predict
 
 
 def _press_errors(

@@ -16,12 +16,17 @@ from structlearn.readers.user_tables import TouchLog
 from structlearn.tactile.latent_models import TrainedTouch
 from structlearn.tactile.latent_parameters import STRUCTURES, InverseModel
 from structlearn.tactile.pressed_skin import PLANE, STEP_S, PressedSkin, servo_on_table
-from structlearn.tactile.servo_controller import Caution, RestingServo, ServoParameters, TactileServo
+from structlearn.tactile.servo_controller import (
+    ModelTrust,
+    RestingServo,
+    ServoParameters,
+    TactileServo,
+)
+from structlearn.tasks.touch.parameters import TouchParameters
 from structlearn.tasks.touch.skin_force import force_errors
 from structlearn.tasks.touch.skin_readings import place_errors, within_runs
 from structlearn.tasks.touch.skin_touches import NEVER_VARIES, Touches, folds_of, gathered, learn_skin
 from structlearn.tasks.touch.touch_names import CORRECTED, PLAIN, PUBLISHED_SERVO, STRUCTURED
-from structlearn.tasks.touch.touch_parameters import TouchParameters
 
 SPREAD = 0.5  # of the likely actions; range over which the corrected controller takes slopes
 
@@ -138,7 +143,7 @@ def controllers(
     chosen = parameters.servo
     assert chosen is not None
     compared: list[tuple[str, InverseModel]] = [*((one, one) for one in PUBLISHED_SERVO), (CORRECTED, "NJ")]
-    caution = Caution(by_likelihood=True, spread=SPREAD, correction=chosen.correction)
+    trust = ModelTrust(by_likelihood=True, spread=SPREAD, correction=chosen.correction)
     for structure in STRUCTURES:
         for name, inverse in compared:
             settings = ServoParameters(
@@ -149,6 +154,6 @@ def controllers(
             )
             given = learned.models, learned.units, structure, settings, 1.0 / STEP_S
             if name == CORRECTED:
-                yield structure, name, RestingServo(*given, actions_per_step=1, caution=caution)
+                yield structure, name, RestingServo(*given, actions_per_step=1, trust=trust)
             else:
                 yield structure, name, TactileServo(*given)

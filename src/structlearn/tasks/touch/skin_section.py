@@ -7,13 +7,14 @@ import pandas as pd
 from matplotlib.figure import Figure
 
 from structlearn.palette import BLACK, BLUE, GREY, LIGHT_GREY, ORANGE, Look
-from structlearn.reporting.claims import Evidence, mean, unknown
 from structlearn.reporting.document import Table
+from structlearn.reporting.evidence import Evidence, mean, unknown
 from structlearn.reporting.figure_style import Drawing, Raster, legend, map_panels, panel, styled
 from structlearn.reporting.findings import Findings
 from structlearn.reporting.prose import listing
 from structlearn.tasks.section import Section
 from structlearn.tasks.task_files import TaskFiles
+from structlearn.tasks.touch.parameters import PublishedParameters, TouchParameters
 from structlearn.tasks.touch.touch_names import (
     COMPONENTS,
     CORRECTED,
@@ -30,7 +31,6 @@ from structlearn.tasks.touch.touch_names import (
     STRUCTURED,
     shown_map,
 )
-from structlearn.tasks.touch.touch_parameters import PublishedParameters, TouchParameters
 
 Tables = Mapping[str, pd.DataFrame]
 
@@ -141,11 +141,9 @@ def of_mean(samples: pd.Series) -> Evidence:
     return mean(samples.to_numpy(float)) if len(samples) else unknown(MISSING)
 
 
-def section(files: TaskFiles) -> Section | None:
+def section(files: TaskFiles) -> Section:
     """Section of a task whose touches are of a skin at known places."""
     parameters = files.entry(TouchParameters)
-    if parameters.over_time:
-        return None
     runs = SkinRuns(files.tables("touch"), parameters.tuned_on)
     find, origin = find_skin(runs), {"folder": files.folder / "touch", "origins": files.origins()}
     return Section(

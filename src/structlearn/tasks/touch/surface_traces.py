@@ -6,13 +6,13 @@ from collections.abc import Sequence
 import numpy as np
 import pandas as pd
 
-from dissertation.recorded.readers.slide import material_of
 from structlearn.core.errors import MissingInputError
 from structlearn.primitives.vector import VectorPrimitive, deviation, fit_expected_traces, without_offset
 from structlearn.readers import synchronise
 from structlearn.readers.clock import held_out_error
 from structlearn.readers.demonstration import Demonstration, Recording
-from structlearn.tasks.touch.touch_parameters import SurfaceParameters
+from structlearn.tasks.touch.parameters import SurfaceParameters
+from structlearn.tasks.touch.touch_names import material_of
 
 # first and last electrode of each part of a BioTac's core (see `tactile.electrodes`)
 PLACES = {"side, 1 to 6": (1, 6), "tip, 7 to 10": (7, 10)}

@@ -63,6 +63,11 @@ REFERENCE, CALIBRATED = "scraping, recorded", "scraping, simulated"
 WORLDS = {REFERENCE: BLACK, CALIBRATED: ORANGE, "unscrewing, recorded": PINK, "slides, recorded": GREEN}
 
 
+def material_of(trial: str) -> str:
+    """Material of a trial, e.g. `mat9` for `mat9_1`."""
+    return trial.rpartition("_")[0]
+
+
 def shown_map(maps: pd.DataFrame, tuned_on: Sequence[str]) -> pd.DataFrame:
     """Map of the skin to show: the first tested on a run not used for tuning."""
     untouched = maps[~maps["asked_about"].isin(tuned_on)]

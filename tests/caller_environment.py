@@ -1,0 +1,11 @@
+"""Stops pytest in one line if PYTHONPATH hides a package; `conftest` imports it before any such package."""
+
+import sys
+
+from structlearn.core.errors import InputError
+from structlearn.core.shadowing import require_own_packages
+
+try:
+    require_own_packages()
+except InputError as error:
+    sys.exit(f"error: {error}")
