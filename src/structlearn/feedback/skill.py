@@ -24,7 +24,7 @@ TARGET_MARGIN = 1.5  # bound of a coupling term, relative to the largest demonst
 LARGEST_TURN, LARGEST_SHIFT = 40.0, ALPHA * BETA * 0.03
 """Default bounds in rad and m; a constant coupling at the bound turns by 15 degrees or shifts by 3 cm."""
 
-Coupling = Annotated[float, Field(gt=0, le=1e4)]  # a constant coupling of 1e4 would shift by 64 m
+CouplingBound = Annotated[float, Field(gt=0, le=1e4)]  # a constant coupling of 1e4 would shift by 64 m
 
 
 class FadingParameters(Parameters):
@@ -44,7 +44,7 @@ class Limits(FadingParameters):
 
     # bound of |c| by axis, m or rad; a constant c shifts or turns by c / (ALPHA BETA). `largest_coupling`
     # derives it from demonstrated coupling terms.
-    largest_coupling: dict[Axis, Coupling] = Field(
+    largest_coupling: dict[Axis, CouplingBound] = Field(
         default_factory=lambda: {axis: LARGEST_TURN if turns(axis) else LARGEST_SHIFT for axis in AXES}
     )
     fade_s: float = Field(default=0.05, gt=0, le=60)

@@ -51,7 +51,7 @@ class StackedData:
     folds: Sequence[Fold]  # split of the samples, per model
 
 
-def train(
+def train_weights(
     stack: Stack, data: StackedData, parameters: TrainingParameters
 ) -> dict[str, tuple[list[Tensor], list[int]]]:
     """Train a stack in place; every model ends with the weights that did best on its validation part.
@@ -73,7 +73,7 @@ def train(
                 squares = (outputs - _taken(data.target, rows)).square()
                 # mean over the samples, sum over the models, whose gradients are independent
                 optimiser.step(squares.flatten(1).mean(dim=1).sum())
-            errors = evaluate(stack, data)
+            errors = choosing_errors(stack, data)
             better = errors < best  # False for diverged models (NaN)
             best[better], steps[better] = errors[better], start + count
             for place, part in enumerate(CHOOSING):
@@ -99,7 +99,7 @@ def train_stack(
     `model`: exports the network of an index with the stack's current weights.
     """
     trained: list[Trained[Model]] = [Trained({}, {}) for _ in data.folds]
-    for part, (weights, steps) in train(stack, data, parameters).items():
+    for part, (weights, steps) in train_weights(stack, data, parameters).items():
         if all(len(getattr(fold, part)) for fold in data.folds):
             restore(stack, weights)
             for index, result in enumerate(trained):
@@ -137,7 +137,7 @@ def scaled_targets(jobs: Jobs, inputs: Tensor, kernel_count: int | None) -> tupl
     return scales, StackedData(inputs, modulation, as_tensor(np.stack(targets)), [fold for _, fold in jobs])
 
 
-def evaluate(stack: Stack, data: StackedData) -> np.ndarray:
+def choosing_errors(stack: Stack, data: StackedData) -> np.ndarray:
     """Normalised mean squared errors (M, 2) on `CHOOSING` without dropout; NaN for an empty part.
 
     With several targets per sample, both the squared error and the variance are summed over them.

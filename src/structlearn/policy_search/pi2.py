@@ -202,7 +202,7 @@ def sample_weights(
 
     `ahead`: (K, T) finite costs-to-go. `dimensions`: D. `activation`: see `update`.
     """
-    relative, steps = normalised(ahead), ahead.shape[1]
+    relative, steps = normalised_costs(ahead), ahead.shape[1]
     if parameters.temperature is None:
         temperatures = bounded_temperatures(relative, parameters.kl_bound, parameters.temperature_floor)
     else:
@@ -234,7 +234,7 @@ def _check_shapes(
         raise ValueError(f"the activation must be (T, D), here {expected}, not {activation.shape}")
 
 
-def normalised(costs: np.ndarray) -> np.ndarray:
+def normalised_costs(costs: np.ndarray) -> np.ndarray:
     """Normalise finite costs (K, T) per time step from [lowest, highest] to [0, 1]; 0 if all are equal."""
     lowest, highest = costs.min(axis=0), costs.max(axis=0)
     # halved, because the difference of two finite numbers may overflow

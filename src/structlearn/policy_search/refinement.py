@@ -26,7 +26,7 @@ from pydantic import Field
 from structlearn.core.errors import InputError
 from structlearn.core.params import Parameters
 from structlearn.feedback.coupling_dataset import CouplingDataset, concatenated, to_table
-from structlearn.feedback.coupling_model import CouplingModel, model_name
+from structlearn.feedback.coupling_model import CouplingModel, module_name
 from structlearn.feedback.models.pmnn import open_loop
 from structlearn.feedback.trainers import TrainingParameters, train_final
 from structlearn.policy_search import pi2
@@ -193,7 +193,7 @@ def improve(
     added = learnable(improved, f"executions of the improved policy of iteration {iteration}")
     retraining = parameters.training.model_copy(update={"dropout": parameters.retraining_dropout})
     data = concatenated([demonstrations, added])
-    network = train_final(model_name(initial), data, retraining, initial=initial)
+    network = train_final(module_name(initial), data, retraining, initial=initial)
     runs = _execute(environment, [network] * parameters.evaluation_runs, iteration, FEEDBACK)
     groups = ((tried, SAMPLE), (improved, IMPROVED), (runs, FEEDBACK))
     rows = [history_rows(group, iteration, kind) for group, kind in groups]
