@@ -85,18 +85,19 @@ profile: $(INSTALLED)  ## draw a flame graph of a stage: make profile STAGE=stag
 
 # More people, seeds and robots than the pipeline has time for, cell by cell (stages/studies); the tables in git take
 # what was run. Hours for all; goes on where it was stopped.
-STUDY = stages/studies/dvc.yaml$(if $(NAME),:$(subst /,_,$(NAME)))
+STUDY = $(if $(NAME),$(subst /,_,$(NAME)))
 STUDY_TABLES := python -m dissertation.evidence.study_tables
 studies: $(INSTALLED)  ## run all studies (takes hours), or one: make studies NAME=servoing/people
-	$(IN_ENVIRONMENT) dvc repro --keep-going $(STUDY)
+	$(IN_ENVIRONMENT) $(STUDY_TABLES) --code
+	cd stages/studies && $(IN_ENVIRONMENT) dvc repro --keep-going $(STUDY)
 	$(IN_ENVIRONMENT) $(STUDY_TABLES) $(NAME)
 
 # Whether the current code reproduces the studies; if so, DVC accepts the existing cells.
 studies-check: $(INSTALLED)  ## repeat one cell of each study and compare it with the table
 	$(IN_ENVIRONMENT) $(STUDY_TABLES) --check $(NAME)
-	$(IN_ENVIRONMENT) dvc repro --quiet code stages/studies/dvc.yaml:code
-	cells=$$(cd data/studies && ls -d $(or $(NAME),*/*)/* | sed 's|/|_|; s|/|@|; s|^|stages/studies/dvc.yaml:|') || exit 0; \
-	  $(IN_ENVIRONMENT) dvc commit --force $$cells
+	$(IN_ENVIRONMENT) $(STUDY_TABLES) --code
+	cells=$$(cd data/studies && ls -d $(or $(NAME),*/*)/* | sed 's|/|_|; s|/|@|') || exit 0; \
+	  cd stages/studies && $(IN_ENVIRONMENT) dvc commit --force $$cells
 
 # The whole pipeline with the instructions of another processor: no verdict may depend on it.
 other-processor: $(INSTALLED)  ## run the pipeline with the instruction set of an older processor and compare verdicts

@@ -49,9 +49,19 @@ def module_of(name: str) -> str | None:
 
 @cache
 def imported(path: Path) -> frozenset[str]:
-    """Modules of ours that a file imports, at its top or inside its functions."""
-    found = {module_of(name) for name in named(ast.walk(ast.parse(path.read_text())))}
-    return frozenset(one for one in found if one is not None)
+    """Modules of ours that a file imports, at its top or inside its functions.
+
+    All of a package that is imported by itself and has no face: its modules are looked up by name.
+    """
+    found: set[str] = set()
+    for name in named(ast.walk(ast.parse(path.read_text()))):
+        if (module := module_of(name)) is not None:
+            found.add(module)
+            package = modules()[module].parent
+            if module == name and package.name == name.rpartition(".")[2]:
+                looked_up = () if (package / "__init__.pyi").exists() else package.glob("*.py")
+                found |= {f"{module}.{one.stem}" for one in looked_up if one.stem != "__init__"}
+    return frozenset(found)
 
 
 @cache
@@ -70,3 +80,9 @@ def code_of(script: Path, depth: int = 2) -> set[Path]:
     """Folders, `depth` names below the sources, of the code that a script uses; and files above these."""
     files = (modules()[module].relative_to(SOURCES) for module in closure(script))
     return {Path(*file.parts[:depth]) for file in files}
+
+
+def packages(*files: Path) -> set[Path]:
+    """Package folders of what files import, and of the files that are modules themselves."""
+    used = {modules()[module] for file in files for module in closure(file)} | set(files)
+    return {file.parent for file in used if file.is_relative_to(SOURCES)}

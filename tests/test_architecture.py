@@ -34,6 +34,8 @@ FLOORS = {
 
 TESTBEDS = ("scraping", "obstacles", "dynamics", "servoing")
 PARTS = ("world", "protocol", "page", "recordings")
+KIND = ("parameters", "recordings", "learning", "page", "view")
+"""Modules of a kind of tasks, see `structlearn.tasks.kinds`."""
 
 ROOMS = {
     "rerun": ("viewer", "recordings", "view"),
@@ -157,7 +159,7 @@ def test_big_libraries_stay_in_their_rooms():
 
 
 def test_a_module_name_means_one_thing():
-    """Modules of one name are the same part of different testbeds."""
+    """Modules of one name are the same part of different testbeds, or of kinds of tasks."""
     places: dict[str, list[Path]] = {}
     for path in modules().values():
         trains = path.is_relative_to(SOURCES / LIBRARY / "feedback/training")  # the network of the same name
@@ -165,7 +167,8 @@ def test_a_module_name_means_one_thing():
             places.setdefault(path.name, []).append(path.relative_to(SOURCES))
     for paths in places.values():
         parts = {("testbed", *path.parts[2:]) if path.parts[1] in TESTBEDS else path.parts for path in paths}
-        assert len(parts) == 1, paths
+        kinds = all(path.parts[1] in ("tasks", "recorded") and len(path.parts) == 4 for path in paths)
+        assert len(parts) == 1 or (kinds and paths[0].stem in KIND), paths
 
 
 def code_deps(script: str) -> set[str]:
@@ -188,10 +191,11 @@ def test_a_stage_depends_on_its_script_and_on_the_code_that_it_uses(script):
 def test_every_module_is_used():
     """By a stage, by a command, or by a lab's task."""
     programs = [path for path in modules().values() if "__main__" in path.read_text()]
-    tasks = list((SOURCES / LIBRARY / "tasks/stages").glob("*.py"))
-    scripts = [*(ROOT / "stages").rglob("*.py"), *programs, *tasks, ROOT / "tests/test_examples.py"]
+    tasks = [path for path in modules().values() if path.parent.name == "stages" or path.stem in KIND]
+    scripts = [*(ROOT / "stages").rglob("*.py"), *programs, *tasks]
     used = {module for script in scripts for module in closure(script)}
-    used |= {module for module, path in modules().items() if path in programs or path.name == "__init__.py"}
+    used |= {module for module, path in modules().items() if path in [*programs, *tasks]}
+    used |= {module for module, path in modules().items() if path.name == "__init__.py"}
     looked_up = (
         "structlearn.feedback.models.",
         "structlearn.feedback.training.",

@@ -9,7 +9,7 @@ import pytest
 from jinja2 import UndefinedError
 
 from dissertation.evidence.claims import VERDICTS, Claim, judge
-from dissertation.evidence.page import JudgedDocument, publish_judged
+from dissertation.evidence.judged_page import JudgedDocument, publish_judged
 from structlearn.reporting.document import Document, Panel, Source, Table, environment, render, words_in_view
 from structlearn.reporting.evidence import exact
 from structlearn.reporting.figure_style import PANEL_WIDTH, Raster, canvas, styled

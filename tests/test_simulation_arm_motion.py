@@ -79,11 +79,9 @@ def constant(robot, torque, ticks):
     """A controller that always wants the same torque; its path stands still at zero."""
     zero = np.zeros((ticks, 7))
     known = compiled_dynamics.inverse_dynamics(robot.tree, robot.inertias)
-    bodies = known.bodies
-    massless = (0.0 * values for values in (bodies.mass, bodies.moment, bodies.inertia))
+    massless = {name: 0.0 * getattr(known.robot, name) for name in ("mass", "first_moment", "origin_inertia")}
     wants = compiled_dynamics.friction_rows(np.full((7, 1), torque), ("offset",))
-    parts = dict(zip(("mass", "moment", "inertia"), massless, strict=True))
-    model = known._replace(bodies=bodies._replace(**parts, friction=wants))
+    model = known._replace(robot=known.robot._replace(**massless), friction=wants)
     return sine_controller(model, ReferencePath(zero, zero, zero), Feedback(zero[0], zero[0]))
 
 

@@ -200,7 +200,7 @@ def _dvc(folder: Path, *words: str) -> None:
     except OSError as error:
         raise InputError(f"{folder.resolve()}: cannot be written: {error.strerror}") from error
     if (folder / project.PIPELINE).exists():
-        project.write_code(folder)
+        project.update_code(folder)
     path = os.pathsep.join([str(Path(sys.executable).parent), os.environ.get("PATH", "")])
     done = subprocess.run(
         [_beside_python("dvc"), *words], cwd=folder, env=os.environ | {"PATH": path}, check=False

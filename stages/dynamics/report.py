@@ -28,7 +28,7 @@ from dissertation.dynamics.world.joint_logs import (
     perturbed_mechanics,
 )
 from dissertation.evidence.claims import quoted_claims
-from dissertation.evidence.page import publish_judged
+from dissertation.evidence.judged_page import publish_judged
 from dissertation.evidence.studies import extended, read_study
 from dissertation.simulation.arm import ArmParameters
 from structlearn.core.params import Population

@@ -1,7 +1,7 @@
 """Report of the obstacle testbed: figures, tables, findings and their page."""
 
 from dissertation.evidence.claims import quoted_claims
-from dissertation.evidence.page import publish_judged
+from dissertation.evidence.judged_page import publish_judged
 from dissertation.evidence.studies import read_study
 from dissertation.obstacles import files
 from dissertation.obstacles.page.figures import figures

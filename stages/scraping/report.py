@@ -1,7 +1,7 @@
 """Report of the scraping testbed: three pages with figures, tables and findings."""
 
 from dissertation.evidence.claims import quoted_claims
-from dissertation.evidence.page import publish_judged
+from dissertation.evidence.judged_page import publish_judged
 from dissertation.scraping.files import ScrapingFiles
 from dissertation.scraping.page.findings import findings
 from dissertation.scraping.page.page import drawings, pages, published

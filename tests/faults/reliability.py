@@ -9,7 +9,7 @@ from pathlib import Path
 
 import pandas as pd
 
-from dissertation.evidence.page import TEMPLATES, JudgedDocument
+from dissertation.evidence.judged_page import TEMPLATES, JudgedDocument
 from structlearn.core.artefacts import Metrics, read_csv, read_metrics, write_csv, write_metrics
 from structlearn.core.publication import publish
 from structlearn.reporting.document import UNKNOWN_COMMIT, Table, render, source_commit

@@ -10,7 +10,7 @@ from pathlib import Path
 import pandas as pd
 
 from dissertation.evidence.claims import VERDICTS, combined
-from dissertation.evidence.page import TEMPLATES
+from dissertation.evidence.judged_page import TEMPLATES
 from structlearn.core.artefacts import read_csv
 from structlearn.core.errors import InputError
 from structlearn.core.params import Parameters, read_values

@@ -24,7 +24,7 @@ import pandas as pd
 import yaml
 from pydantic import Field
 
-from dissertation.evidence.page import TEMPLATES, JudgedDocument
+from dissertation.evidence.judged_page import TEMPLATES, JudgedDocument
 from dissertation.evidence.studies import (
     KEYS,
     OURS,
@@ -39,6 +39,7 @@ from dissertation.evidence.studies import (
     stored_study,
 )
 from structlearn.core.artefacts import publish, read_csv, write_csv
+from structlearn.core.code_digests import LIBRARY, write_code
 from structlearn.core.errors import InputError
 from structlearn.core.params import Parameters, checked, read_values, value_at
 from structlearn.core.stage import run
@@ -46,6 +47,7 @@ from structlearn.reporting.document import render, source_commit
 from structlearn.reporting.findings import read_findings, values_by_key
 
 DESCRIPTIONS = Path("stages/studies/studies.yaml")
+REPRODUCTION = Path(__file__).parents[1]
 CELLS = Path("data/studies")
 FINDINGS = "findings"  # table that becomes one row per variant and cell
 TOLERANCE = 0.05
@@ -179,9 +181,13 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("names", nargs="*", help="e.g. scraping/people; default all")
     parser.add_argument("--check", action="store_true", help="run one cell of each again")
+    parser.add_argument("--code", action="store_true", help="write the digests of the code that cells use")
     given, root, descriptions = parser.parse_args(), Path.cwd(), read_descriptions()
     if unknown := sorted(set(given.names) - set(descriptions)):
         raise InputError(f"no study {', '.join(unknown)}; there are {', '.join(descriptions)}")
+    if given.code:
+        write_code(DESCRIPTIONS.parent, (LIBRARY, REPRODUCTION))
+        return
     different = []
     for name in given.names or descriptions:
         if given.check:

@@ -18,7 +18,7 @@ import numpy as np
 import pandas as pd
 
 from dissertation.evidence.claims import UNDECIDED
-from dissertation.evidence.page import TEMPLATES, JudgedDocument
+from dissertation.evidence.judged_page import TEMPLATES, JudgedDocument
 from structlearn.reporting.document import Table, render
 
 KEYS = ["testbed", "set", "by", "statement", "case"]

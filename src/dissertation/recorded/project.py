@@ -10,6 +10,7 @@ from typing import Any
 
 import yaml
 
+from structlearn.core import code_digests
 from structlearn.core.errors import InputError
 from structlearn.core.params import read_values
 from structlearn.core.stage import run
@@ -19,6 +20,7 @@ from structlearn.tasks.task_files import local_path
 
 FOLDER = Path("data/recorded")
 SETS, STAGES = (Path(__file__).with_name(name) for name in ("public.yaml", "pipeline.yaml"))
+CODE = code_digests.CODE.name  # a stage's parameters in it are the code that it uses
 HEADER = "# Written by `python -m dissertation.recorded.project`.\n"
 
 
@@ -43,6 +45,8 @@ def pipeline() -> dict[str, Any]:
         if name.startswith("report_"):
             stage["do"]["cmd"] = own["page"]["cmd"]
             stage["do"]["deps"] += own["page"]["deps"]
+            used = next(one[CODE] for one in stage["do"]["params"] if CODE in one)
+            used += own["page"]["code"]
     return found | {"stages": found["stages"] | own["stages"]}
 
 

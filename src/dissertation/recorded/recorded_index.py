@@ -5,7 +5,7 @@ from pathlib import Path
 from typing import Any
 
 from dissertation.evidence.claims import Judged, combined, read_claims, rendered, verdict_in
-from dissertation.evidence.page import JudgedDocument, publish_judged
+from dissertation.evidence.judged_page import JudgedDocument, publish_judged
 from structlearn.core.artefacts import read_csv
 from structlearn.core.params import read_values, value_at
 from structlearn.reporting.document import environment

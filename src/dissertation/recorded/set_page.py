@@ -7,7 +7,7 @@ from pathlib import Path
 from jinja2 import Environment
 
 from dissertation.evidence.claims import Judged, judge, read_claims
-from dissertation.evidence.page import TEMPLATES, JudgedDocument, publish_judged
+from dissertation.evidence.judged_page import TEMPLATES, JudgedDocument, publish_judged
 from structlearn.core.params import read_values
 from structlearn.reporting.document import environment
 from structlearn.reporting.evidence import unknown

@@ -1,6 +1,5 @@
 """Settings shared by all training with torch: precision, seeds, threads, optimisers."""
 
-import math
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 
@@ -9,7 +8,6 @@ import torch
 from pydantic import Field
 from torch import Tensor
 
-from structlearn.core.compilation import numba
 from structlearn.core.params import Parameters
 
 
@@ -73,51 +71,45 @@ class RootMeanSquarePropagation:
         self.weights.addcdiv_(gradient, self.mean_square.sqrt().add_(SMALLEST_ROOT), value=-self.rate)
 
 
-@numba.njit(cache=True, error_model="numpy")  # no check for division by zero, so the loop vectorises
-def adam_step(
-    values: np.ndarray,
-    gradient: np.ndarray,
-    mean: np.ndarray,
-    square: np.ndarray,
-    rate: float,
-    decay: float,
-    count: int,
-) -> None:
-    """One step of Adam (Kingma and Ba 2015) in place, on vectors; `count`: number of the step, from 1."""
-    step, root = rate / (1.0 - MEAN_DECAY**count), math.sqrt(1.0 - decay**count)
-    for place in range(len(values)):
-        mean[place] += (1.0 - MEAN_DECAY) * (gradient[place] - mean[place])
-        square[place] += (1.0 - decay) * (gradient[place] * gradient[place] - square[place])
-        values[place] -= step * mean[place] / (math.sqrt(square[place]) / root + SMALLEST_ROOT)
-
-
 class Adam:
-    """Adam for tensors that share a leading axis of models.
+    """Adam (Kingma and Ba 2015) for tensors that share a leading axis of models, by torch's fused kernel.
 
-    Importing torch's own takes seconds, since it loads a compiler. `parameters`: contiguous leaves; `rate`
-    may change between steps; `decay`: of the mean squared gradient per step.
+    Same steps as `torch.optim.Adam`, without its bookkeeping (7 to 20 % of a step for small networks) and
+    without importing it, which loads a compiler for seconds. `rate` may change between steps; `decay`: of the
+    mean squared gradient per step.
     """
 
     def __init__(self, parameters: Sequence[Tensor], rate: float, decay: float = 0.999):
-        self.parameters, self.rate, self.decay, self.count = list(parameters), rate, decay, 0
-        self.moments = [np.zeros((2, *values.shape), as_array(values).dtype) for values in self.parameters]
+        self.parameters, self.rate, self.decay = list(parameters), rate, decay
+        self.means, self.squares = ([torch.zeros_like(its) for its in self.parameters] for _ in range(2))
+        self.count = torch.zeros(())  # steps taken
 
+    @torch.no_grad()
     def step(self, gradients: Sequence[Tensor | None]) -> None:
         """One step; parameters with gradient None do not change."""
+        every = zip(gradients, self.parameters, self.means, self.squares, strict=True)
+        # the kernel walks memory in order, regardless of strides
+        moved = [(slope.contiguous(), *tensors) for slope, *tensors in every if slope is not None]
+        slopes, values, means, squares = (list(tensors) for tensors in zip(*moved, strict=True))
         self.count += 1
-        for values, gradient, moments in zip(self.parameters, gradients, self.moments, strict=True):
-            if gradient is not None:
-                arrays = (as_array(values), as_array(gradient.contiguous()), *moments)
-                value, slope, mean, square = (array.reshape(-1) for array in arrays)
-                adam_step(value, slope, mean, square, self.rate, self.decay, self.count)
+        torch._fused_adam_(
+            values,
+            slopes,
+            means,
+            squares,
+            [],
+            [self.count] * len(moved),
+            lr=self.rate,
+            beta1=MEAN_DECAY,
+            beta2=self.decay,
+            weight_decay=0.0,
+            eps=SMALLEST_ROOT,
+            amsgrad=False,
+            maximize=False,
+        )
 
-    def keep(self, models: np.ndarray) -> None:
+    def keep(self, models: Tensor) -> None:
         """Keep only some models; (M,) mask."""
         for values in self.parameters:
-            values.data = values.data[torch.from_numpy(models)]
-        self.moments = [np.compress(models, moments, axis=1) for moments in self.moments]  # contiguous
-
-
-def as_array(values: Tensor) -> np.ndarray:
-    """View of a tensor's memory."""
-    return values.detach().numpy()
+            values.data = values.data[models]
+        self.means, self.squares = ([its[models] for its in kept] for kept in (self.means, self.squares))

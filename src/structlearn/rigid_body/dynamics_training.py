@@ -17,7 +17,7 @@ from pydantic import Field
 
 from structlearn.core.compilation import numba
 from structlearn.core.params import Parameters
-from structlearn.networks.torch_settings import AdamParameters, adam_step, seeded
+from structlearn.networks.torch_settings import MEAN_DECAY, SMALLEST_ROOT, AdamParameters, seeded
 from structlearn.rigid_body.friction import FrictionTerm, initial_friction, squared
 from structlearn.rigid_body.inertia_parameters import (
     STRUCTURES,
@@ -244,19 +244,28 @@ def _descend(
     learning rate and decay of the second moment; `steps`: steps taken before.
     """
     structure, free, friction, squared = models
-    (columns, torque, weights), (rate, decay) = data, rates
+    columns, torque, weights = data
     for step in range(-(-len(order) // batch)):
         samples = order[step * batch : (step + 1) * batch]
         theta = structure_theta(structure, free, friction, squared)
         slope = np.zeros_like(theta)
         _add_slopes(columns, torque, 2.0 / len(samples) * weights, samples, free.shape[2], theta, slope)
         inertial, frictional = structure_gradient(structure, free, friction, squared, slope)
-        for values, gradient, (mean, square) in (
-            (free, inertial, moments[0]),
-            (friction, frictional, moments[1]),
-        ):
-            vectors = (values.reshape(-1), gradient.reshape(-1), mean.reshape(-1), square.reshape(-1))
-            adam_step(*vectors, rate, decay, steps + step + 1)
+        _adam_step(free, inertial, moments[0], rates, steps + step + 1)
+        _adam_step(friction, frictional, moments[1], rates, steps + step + 1)
+
+
+@numba.njit(cache=True, error_model="numpy")  # no check for division by zero, so the loop vectorises
+def _adam_step(variable: np.ndarray, gradient: np.ndarray, moments: tuple, rates: tuple, count: int) -> None:
+    """One step of Adam in place, by torch's rule; `count` is the number of this step, from 1."""
+    rate, decay = rates
+    mean, square = moments[0].reshape(-1), moments[1].reshape(-1)
+    values, slopes = variable.reshape(-1), gradient.reshape(-1)
+    step, root = rate / (1.0 - MEAN_DECAY**count), math.sqrt(1.0 - decay**count)
+    for place in range(len(values)):
+        mean[place] += (1.0 - MEAN_DECAY) * (slopes[place] - mean[place])
+        square[place] += (1.0 - decay) * (slopes[place] * slopes[place] - square[place])
+        values[place] -= step * mean[place] / (math.sqrt(square[place]) / root + SMALLEST_ROOT)
 
 
 @numba.njit(cache=True, fastmath={"contract", "reassoc", "nsz"})

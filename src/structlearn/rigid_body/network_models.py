@@ -254,7 +254,7 @@ class NetworkLearner:
         if len(self.torque) > 1:
             self.states, self.torque, self.columns = (values[kept] for values in self._data)
             self.weights, self.variance = self.weights[kept], self.variance[models]
-        self.optimiser.keep(models)
+        self.optimiser.keep(kept)
 
     def state(self) -> dict[str, np.ndarray]:
         """Weights and free parameters of friction, with a leading axis of models; then the scales."""

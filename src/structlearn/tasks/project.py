@@ -5,16 +5,13 @@ the package through `.structlearn.yaml`, which has a digest per package folder a
 is called: an update of the package reruns what it touches.
 """
 
-import hashlib
-from collections.abc import Iterator
+from importlib.util import find_spec
 from pathlib import Path
 
-import yaml
+from structlearn.core.code_digests import LIBRARY, write_code
+from structlearn.core.params import read_values
 
-from structlearn.core.artefacts import publish
-
-ENTRIES, PIPELINE, CODE = Path("structlearn.yaml"), Path("dvc.yaml"), Path(".structlearn.yaml")
-LIBRARY = Path(__file__).parents[1]
+ENTRIES, PIPELINE = Path("structlearn.yaml"), Path("dvc.yaml")
 STAGES = Path(__file__).with_name("stages")
 DEFAULTS = STAGES / "params.yaml"
 
@@ -32,7 +29,7 @@ def write_project(folder: Path, entries: str, pipeline: str) -> None:
     (folder / ENTRIES).write_text(entries, encoding="utf-8")
     (folder / PIPELINE).write_text(pipeline, encoding="utf-8")
     (folder / ".gitignore").write_text(IGNORED, encoding="utf-8")
-    write_code(folder)
+    update_code(folder)
 
 
 def entries_above(path: Path) -> Path | None:
@@ -46,32 +43,19 @@ def packaged_pipeline() -> str:
     return (STAGES / "pipeline.yaml").read_text(encoding="utf-8")
 
 
-def write_code(folder: Path = Path()) -> None:
-    """Write the digests of the installed package, unless they are there already."""
-    text = "# Digests of the installed package, by folder: written by `structlearn run`\n"
-    text += yaml.safe_dump(dict(code_digests()), sort_keys=False)
-    path = folder / CODE
-    if not path.exists() or path.read_text(encoding="utf-8") != text:
-        with publish(path) as target:
-            target.write_text(text, encoding="utf-8")
+def update_code(folder: Path = Path()) -> None:
+    """Write the digests of this package and of those that a project's entries name."""
+    write_code(folder, named_packages(folder))
 
 
-def code_digests() -> Iterator[tuple[str, str]]:
-    """Name (`code_key`) and digest of each package folder of the library, without its subpackages."""
-    files: dict[str, list[Path]] = {}
-    for file in sorted(LIBRARY.rglob("*")):
-        if file.is_file() and "__pycache__" not in file.parts and not file.name.startswith("."):
-            if file.parent == STAGES and file.suffix != ".py":
-                continue  # defaults reach stages by their task's parameters
-            package = next(one for one in file.parents if (one / "__init__.py").exists())
-            files.setdefault(code_key(package), []).append(file)
-    for key, its in files.items():
-        found = hashlib.sha256()
-        for file in its:
-            found.update(file.relative_to(LIBRARY).as_posix().encode() + b"\0" + file.read_bytes())
-        yield key, found.hexdigest()[:16]
-
-
-def code_key(package: Path) -> str:
-    """Name of a package folder of the library, e.g. `core`, `tasks_motion`; `structlearn` for its top."""
-    return "_".join(package.relative_to(LIBRARY).parts) or LIBRARY.name
+def named_packages(folder: Path) -> list[Path]:
+    """Folders of this package, and of those whose kinds of data or readers a project's entries name."""
+    names: set[str] = set()
+    kinds = read_values(folder / ENTRIES) if (folder / ENTRIES).exists() else {}
+    for kind, tasks in kinds.items() if isinstance(kinds, dict) else ():
+        entries = tasks.values() if isinstance(tasks, dict) else ()
+        readers = [entry.get("reader") for entry in entries if isinstance(entry, dict)]
+        names |= {str(name).partition(".")[0] for name in (kind, *readers) if "." in str(name)}
+    specs = [find_spec(name) for name in sorted(names)]
+    found = [one.submodule_search_locations for one in specs if one and one.submodule_search_locations]
+    return [LIBRARY, *(Path(folders[0]) for folders in found)]

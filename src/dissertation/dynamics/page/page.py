@@ -24,7 +24,7 @@ from dissertation.dynamics.page.findings import (
 from dissertation.dynamics.protocol.trainings import LOSSES, OURS, PUBLISHED
 from dissertation.dynamics.world.controlled_arm import OVERSPEED
 from dissertation.evidence.claims import judge, read_claims
-from dissertation.evidence.page import JudgedDocument
+from dissertation.evidence.judged_page import JudgedDocument
 from dissertation.evidence.studies import rests_on
 from structlearn.reporting.document import Source, Table
 from structlearn.reporting.findings import Findings

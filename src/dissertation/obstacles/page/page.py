@@ -10,7 +10,7 @@ import numpy as np
 import pandas as pd
 
 from dissertation.evidence.claims import judge, read_claims
-from dissertation.evidence.page import JudgedDocument
+from dissertation.evidence.judged_page import JudgedDocument
 from dissertation.evidence.studies import extended, rests_on
 from dissertation.obstacles import files
 from dissertation.obstacles.names import DEMONSTRATIONS, KINDS, RULES, SITUATIONS, SOURCES, model_name

@@ -10,7 +10,7 @@ import pandas as pd
 from matplotlib.figure import Figure
 
 from dissertation.evidence.claims import judge, read_claims
-from dissertation.evidence.page import JudgedDocument, publish_judged
+from dissertation.evidence.judged_page import JudgedDocument, publish_judged
 from dissertation.recorded.calibration.touch_calibration import FINGERS, CalibrationParameters
 from structlearn.palette import BLACK, CATEGORICAL_COLOURS, GREY
 from structlearn.reporting.document import Source, Table

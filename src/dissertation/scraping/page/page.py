@@ -6,7 +6,7 @@ from pathlib import Path
 from typing import Any
 
 from dissertation.evidence.claims import judge, read_claims
-from dissertation.evidence.page import JudgedDocument
+from dissertation.evidence.judged_page import JudgedDocument
 from dissertation.evidence.studies import rests_on
 from dissertation.scraping import names
 from dissertation.scraping.page import alignment_figures, board_figures, demonstration_figures, tables

@@ -8,7 +8,7 @@ import numpy as np
 import pandas as pd
 
 from dissertation.evidence.claims import judge, read_claims
-from dissertation.evidence.page import JudgedDocument
+from dissertation.evidence.judged_page import JudgedDocument
 from dissertation.evidence.studies import rests_on
 from dissertation.servoing import names
 from dissertation.servoing.files import MADE_BY
