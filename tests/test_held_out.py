@@ -352,7 +352,7 @@ def corrected(dataset: CouplingDataset, rows: np.ndarray) -> CouplingDataset:
 
 @of_stage(
     "scraping/train_feedback",
-    fits="coupling_model.train_final supervised_training.train_stack feedback_models._trained",
+    fits="trainers.train_final supervised_training.train_stack feedback_models._trained",
 )
 def final_feedback(monkeypatch, tmp_path):
     """By the model's own split: samples that test, and settings that nobody learns from."""
