@@ -132,7 +132,8 @@ HOLDS_NOTHING_OUT = {
 
 FITS_ALL = {
     "call those that have a case": "touch_transfer.compare_sets "
-    "avoidance_fits._errors fitting.learn_sequence fitting.cross_validation",
+    "avoidance_fits._errors fitting.learn_sequence fitting.cross_validation "
+    "autoencoded.train pca.train pca.train_on_codes",
     "what is compared with itself": "movement_learning.reproduction movement_learning.turns "
     "drives_and_load.payload_check touch_calibration.variance_shares trainings._once_through",
     "traces of all runs that are given": "feedback_learning.learn_feedback movement_learning.learn_traces",
