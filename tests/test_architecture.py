@@ -162,7 +162,8 @@ def test_a_module_name_means_one_thing():
     """Modules of one name are the same part of different testbeds, or of kinds of tasks."""
     places: dict[str, list[Path]] = {}
     for path in modules().values():
-        if path.name not in ("__init__.py", "findings.py", "claims.py"):
+        trains = path.is_relative_to(SOURCES / LIBRARY / "feedback/training")  # the network of the same name
+        if path.name not in ("__init__.py", "findings.py", "claims.py") and not trains:
             places.setdefault(path.name, []).append(path.relative_to(SOURCES))
     for paths in places.values():
         parts = {("testbed", *path.parts[2:]) if path.parts[1] in TESTBEDS else path.parts for path in paths}
@@ -195,7 +196,12 @@ def test_every_module_is_used():
     used = {module for script in scripts for module in closure(script)}
     used |= {module for module, path in modules().items() if path in [*programs, *tasks]}
     used |= {module for module, path in modules().items() if path.name == "__init__.py"}
-    looked_up = ("structlearn.feedback.models.", "dissertation.recorded.readers.", "structlearn.readers.")
+    looked_up = (
+        "structlearn.feedback.models.",
+        "structlearn.feedback.training.",
+        "dissertation.recorded.readers.",
+        "structlearn.readers.",
+    )
     assert {module for module in set(modules()) - used if not module.startswith(looked_up)} == set()
 
 

@@ -60,11 +60,11 @@ def test_a_model_learns_the_same_alone_and_in_a_stack():
     data = toy_dataset()
     together, alone = networks(4, dropout=0.0), networks(1, dropout=0.0)
     supervised.restore(alone, [values[2:3] for values in together.weights])
-    before = supervised.evaluate(alone, stacked(data, chosen=slice(2, 3)))
-    supervised.train(together, stacked(data), QUICK)
-    supervised.train(alone, stacked(data, chosen=slice(2, 3)), QUICK)
-    found = supervised.evaluate(alone, stacked(data, chosen=slice(2, 3)))
-    np.testing.assert_allclose(found[0], supervised.evaluate(together, stacked(data))[2], rtol=1e-3)
+    before = supervised.choosing_errors(alone, stacked(data, chosen=slice(2, 3)))
+    supervised.train_weights(together, stacked(data), QUICK)
+    supervised.train_weights(alone, stacked(data, chosen=slice(2, 3)), QUICK)
+    found = supervised.choosing_errors(alone, stacked(data, chosen=slice(2, 3)))
+    np.testing.assert_allclose(found[0], supervised.choosing_errors(together, stacked(data))[2], rtol=1e-3)
     assert np.abs(found - before).max() > 0.01  # it did learn something
 
 
@@ -115,11 +115,13 @@ def test_training_is_deterministic_and_leaves_the_number_of_threads():
 
 
 def test_every_model_ends_with_the_weights_that_validation_chose_and_keeps_the_others(monkeypatch):
-    seen, evaluate = [], supervised.evaluate
-    monkeypatch.setattr(supervised, "evaluate", lambda *its: [seen.append(evaluate(*its)), seen[-1]][1])
+    seen, evaluate = [], supervised.choosing_errors
+    monkeypatch.setattr(
+        supervised, "choosing_errors", lambda *its: [seen.append(evaluate(*its)), seen[-1]][1]
+    )
     parameters = QUICK.model_copy(update={"steps": 390, "learning_rate": 0.05, "dropout": 0.0})
     data, network = stacked(toy_dataset()), networks(4, dropout=0.0)
-    best = supervised.train(network, data, parameters)
+    best = supervised.train_weights(network, data, parameters)
     done = np.array([*range(20, 390, 20), 390])  # evaluated to the last
     for place, part in enumerate(supervised.CHOOSING):
         weights, steps = best[part]
@@ -128,13 +130,13 @@ def test_every_model_ends_with_the_weights_that_validation_chose_and_keeps_the_o
         np.testing.assert_array_equal(steps, done[errors.argmin(axis=0)])
         if part == "generalization":
             supervised.restore(network, weights)
-        np.testing.assert_array_equal(supervised.evaluate(network, data)[:, place], errors.min(axis=0))
+        np.testing.assert_array_equal(supervised.choosing_errors(network, data)[:, place], errors.min(axis=0))
 
 
 def test_the_error_of_a_part_is_the_normalised_mean_squared_error():
     data, network = stacked(toy_dataset()), networks(4)
     everything = torch.arange(data.inputs.shape[1]).expand(4, -1)
-    found, outputs = supervised.evaluate(network, data), supervised.predict(network, data, everything)
+    found, outputs = supervised.choosing_errors(network, data), supervised.predict(network, data, everything)
     for model, fold in enumerate(data.folds):
         for place, part in enumerate(supervised.CHOOSING):
             rows = getattr(fold, part)
@@ -144,8 +146,8 @@ def test_the_error_of_a_part_is_the_normalised_mean_squared_error():
 
 def test_steps_that_diverged_are_never_chosen(monkeypatch):
     errors = iter(np.array([[[np.nan, 0.5]], [[0.5, 0.5]], [[0.5, 0.4]]]))  # at each evaluation, (M, 2)
-    monkeypatch.setattr(supervised, "evaluate", lambda *_: next(errors))
-    best = supervised.train(networks(1), stacked(toy_dataset(), chosen=slice(1)), QUICK)
+    monkeypatch.setattr(supervised, "choosing_errors", lambda *_: next(errors))
+    best = supervised.train_weights(networks(1), stacked(toy_dataset(), chosen=slice(1)), QUICK)
     assert [best[part][1] for part in supervised.CHOOSING] == [[40], [60]]
 
 

@@ -132,7 +132,8 @@ HOLDS_NOTHING_OUT = {
 
 FITS_ALL = {
     "call those that have a case": "transfer.compare_sets motion.learn touch.learn obstacles.learn "
-    "parts.learn avoidance_fits._errors fitting.learn_sequence fitting.cross_validation",
+    "parts.learn avoidance_fits._errors fitting.learn_sequence fitting.cross_validation "
+    "autoencoded.train pca.train pca.train_on_codes",
     "what is compared with itself": "movement_learning.reproduction movement_learning.turns "
     "drives_and_load.payload_check touch_calibration.variance_shares trainings._once_through",
     "traces of all runs that are given": "feedback_learning.learn_feedback movement_learning.learn_traces",
@@ -395,8 +396,7 @@ def start_of_unrolled_feedback(monkeypatch, tmp_path):
 
 @of_stage(
     "scraping/compare_models",
-    fits="feedback_models._evaluated autoencoded.autoencoder autoencoded.train pca.principal_components "
-    "pca.train pca.train_on_codes",
+    fits="feedback_models._evaluated autoencoded.autoencoder pca.principal_components",
 )
 def representations(monkeypatch, tmp_path):
     """Of one fold, errors on what every representation was learned from, at the step validation chose."""

@@ -20,7 +20,7 @@ from safetensors import SafetensorError, safe_open
 from safetensors.numpy import load_file, save
 
 from structlearn.core.errors import InputError
-from structlearn.core.publication import publish
+from structlearn.core.publication import publish as publish
 from structlearn.core.reading import require_file
 
 Metrics = dict[str, float | int | str | bool | None]  # flat key figures
@@ -190,10 +190,10 @@ def read_metrics(path: str | Path) -> Metrics:
     Raises InputError: the file is missing or is not JSON with names and values.
     """
     with _readable(path, "JSON", ValueError, RecursionError):  # also for binary files and huge numbers
-        found = json.loads(Path(path).read_text())
-    if not isinstance(found, dict):
+        metrics = json.loads(Path(path).read_text())
+    if not isinstance(metrics, dict):
         raise InputError(f"{path}: not a JSON file of names and values")
-    return found
+    return metrics
 
 
 def write_csv(frame: pd.DataFrame, target: str | Path) -> None:

@@ -9,6 +9,8 @@ which networks it runs, so each network has a kernel, all with one signature, an
 An address is valid in its process only.
 """
 
+from typing import Any
+
 import numpy as np
 from llvmlite import ir
 from numba import types
@@ -28,12 +30,14 @@ tables are padded. The memory is 0 when a movement begins, and persists from sam
 
 
 @intrinsic
-def _call(context, address, sizes, values, row, deviations, memory):
+def _call(
+    context: Any, address: Any, sizes: Any, values: Any, row: Any, deviations: Any, memory: Any
+) -> tuple[Any, Any]:
     arrays = (sizes, values, row, deviations, memory)
     if not all(isinstance(kind, types.Array) and kind.ndim == 1 and kind.layout == "C" for kind in arrays):
         raise TypingError(f"a kernel takes contiguous arrays, not {arrays}")
 
-    def generate(context, builder, signature, arguments):
+    def generate(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
         kinds = [context.get_value_type(kind) for kind in signature.args[1:]]
         function = ir.FunctionType(ir.DoubleType(), kinds).as_pointer()
         return builder.call(builder.inttoptr(arguments[0], function), arguments[1:])

@@ -40,7 +40,7 @@ class Parameters(BaseModel):
     def _no_truth_value_is_a_number(cls, value: Any, info: ValidationInfo) -> Any:
         """Reject booleans for numbers: YAML reads `yes` and `on` as true, and pydantic would take 1."""
         numbers = (value, *value) if isinstance(value, list | tuple) else (value,)
-        if any(isinstance(one, bool) for one in numbers):
+        if any(isinstance(number, bool) for number in numbers):
             assert info.field_name is not None  # a validator of fields, not of the model
             allowed = str(cls.model_fields[info.field_name].annotation)
             if "bool" not in allowed and "Any" not in allowed:

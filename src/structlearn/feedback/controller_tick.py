@@ -24,6 +24,8 @@ sensor sample, and number of valid samples in the offset."""
 _part_of_a_tick = numba.njit(cache=True, forceinline=True)
 """Inlines a function: passing a plan and a state costs more than many of these functions."""
 
+Arrays = tuple[np.ndarray, ...]  # a `Plan` or a `State` as a plain tuple, which numba dispatches faster
+
 
 class Plan(NamedTuple):
     """Time tables of a run; R rows, one per sample of each primitive, two at a switch."""
@@ -90,7 +92,7 @@ def resting_state(plan: Plan) -> State:
     )
 
 
-def no_plan() -> tuple[tuple, tuple]:
+def no_plan() -> tuple[Arrays, Arrays]:
     """Plan and state without primitives as plain tuples, for compiled loops that may run without a skill."""
     shapes: dict[str, tuple[int, ...]] = dict.fromkeys(Plan._fields, (0, 0))
     shapes |= {"rows": (1,), "tau": (0,), "axes": (0,), "timeouts": (2,)}
@@ -105,7 +107,7 @@ def no_plan() -> tuple[tuple, tuple]:
 
 
 @numba.njit(cache=True)
-def begin(plan_arrays: tuple, state_arrays: tuple, primitive: int) -> None:
+def begin(plan_arrays: Arrays, state_arrays: Arrays, primitive: int) -> None:
     """Start a primitive in the current output state (eq. IV.12-14)."""
     plan, state = Plan(*plan_arrays), State(*state_arrays)
     row, tau = plan.rows[primitive], plan.tau[primitive]
@@ -130,10 +132,9 @@ def begin(plan_arrays: tuple, state_arrays: tuple, primitive: int) -> None:
 
 
 @numba.njit(cache=True)
-def tick(plan_arrays: tuple, state_arrays: tuple, fresh: bool) -> int:
+def tick(plan_arrays: Arrays, state_arrays: Arrays, fresh: bool) -> int:
     """Write the due sample to the outputs and step to the next one; return the status flags.
 
-    `plan_arrays`, `state_arrays`: a `Plan` and a `State` as plain tuples (which numba dispatches faster).
     `fresh`: whether `sample` holds a new sensor sample.
     """
     plan, state = Plan(*plan_arrays), State(*state_arrays)

@@ -132,7 +132,7 @@ def named_model(name: str) -> type[CouplingModel]:
     return classes[0]
 
 
-def model_name(model: CouplingModel) -> str:
+def module_name(model: CouplingModel) -> str:
     """Module name of a network; the inverse of `named_model`."""
     return type(model).__module__.rpartition(".")[2]
 
@@ -142,7 +142,7 @@ def write_networks(networks: Sequence[tuple[str, CouplingModel]], path: str | Pa
     tensors: dict[str, np.ndarray] = {}
     for name, network in networks:
         tensors |= prefixed(name, network.arrays())
-    names = {name: model_name(network) for name, network in networks}
+    names = {name: module_name(network) for name, network in networks}
     write_tensors(tensors, path, json.dumps({"coupling_models": names}, sort_keys=True))
 
 

@@ -303,25 +303,25 @@ def _checks(
     axes: Sequence[Axis],
 ) -> dict[str, float]:
     """Consistency checks of one demonstration, see `coupling_dataset`."""
-    found, (point, turn), target = {}, (corrected.point, corrected.turn), corrected.target
+    checks, (point, turn), target = {}, (corrected.point, corrected.turn), corrected.target
     chosen = np.isin(AXES, axes)
     kept = np.where(chosen, target, 0.0)
     if turn is not None and primitive.orientation is not None and run.orientation is not None:
         again = _repeated(primitive.orientation, turn, turn.orientation[0], kept[:, 3:])
         distance = quaternion.angle_between(again.orientation, turn.orientation)
         smoothing = quaternion.angle_between(turn.orientation, _part(run.orientation, run, cut))
-        found["reproduction_deg"] = float(np.degrees(distance.max()))
-        found["smoothing_deg"] = float(np.degrees(np.sqrt(np.mean(smoothing**2))))
-        found["others"] = _others(target[:, 3:], chosen[3:])
+        checks["reproduction_deg"] = float(np.degrees(distance.max()))
+        checks["smoothing_deg"] = float(np.degrees(np.sqrt(np.mean(smoothing**2))))
+        checks["others"] = _others(target[:, 3:], chosen[3:])
     if point is not None:
         frame = local_frame(point.position[0], primitive.position.goal, primitive.position.frame)
         moved = _repeated(primitive.position, point, point.position[0], kept[:, :3] @ frame)
         distance = np.linalg.norm(moved.position - point.position, axis=1)
         smoothing = np.linalg.norm(point.position - _part(run.position, run, cut), axis=1)
-        found["reproduction_m"] = float(distance.max())
-        found["smoothing_m"] = float(np.sqrt(np.mean(smoothing**2)))
-        found["others_position"] = _others(target[:, :3], chosen[:3])
-    return found
+        checks["reproduction_m"] = float(distance.max())
+        checks["smoothing_m"] = float(np.sqrt(np.mean(smoothing**2)))
+        checks["others_position"] = _others(target[:, :3], chosen[:3])
+    return checks
 
 
 def _repeated(primitive: Any, path: PathBase, start: np.ndarray, coupling: np.ndarray) -> Any:

@@ -169,17 +169,17 @@ def checked_durations(skill: ReactiveSkill, durations: Sequence[float] | None, d
     """
     if durations is None:
         durations = [primitive.duration for primitive in skill.primitives]
-    found = []
+    checked = []
     for name, value in _of_primitives(skill, durations, "durations"):
         duration = float(real_numbers(value, (), f"the duration of '{name}' must be a number"))
         if not duration / dt > 0.5:  # else it has one sample
             raise InputError(f"the duration of '{name}' must be a tick at least, is {duration} s")
-        found.append(duration)
-    if sum(found) > MOST_TICKS * dt:
+        checked.append(duration)
+    if sum(checked) > MOST_TICKS * dt:
         raise InputError(
-            f"the run would have more than {MOST_TICKS} ticks: {sum(found):g} s at {1 / dt:g} Hz"
+            f"the run would have more than {MOST_TICKS} ticks: {sum(checked):g} s at {1 / dt:g} Hz"
         )
-    return found
+    return checked
 
 
 def checked_goals(skill: ReactiveSkill, goals: Sequence[PoseGoal] | None) -> list[PoseGoal]:
@@ -188,7 +188,7 @@ def checked_goals(skill: ReactiveSkill, goals: Sequence[PoseGoal] | None) -> lis
     Raises InputError: wrong number, not a `PoseGoal`, a value that is not finite, a position outside the
     workspace, or a quaternion as in `checked_unit`.
     """
-    found = []
+    checked = []
     goals = default_goals(skill.primitives) if goals is None else goals
     for index, (name, goal) in enumerate(_of_primitives(skill, goals, "goals")):
         if not isinstance(goal, PoseGoal):
@@ -196,8 +196,8 @@ def checked_goals(skill: ReactiveSkill, goals: Sequence[PoseGoal] | None) -> lis
         position = checked_point(skill, goal.position, f"the goal of '{name}'")
         turns = skill.primitives[index].orientation is not None
         turned = checked_goal_orientation(skill, goal.orientation, index) if turns else quaternion.IDENTITY
-        found.append(PoseGoal(position, turned))
-    return found
+        checked.append(PoseGoal(position, turned))
+    return checked
 
 
 def checked_point(skill: ReactiveSkill, position: np.ndarray, what: str) -> np.ndarray:
@@ -249,7 +249,7 @@ def _finite(values: np.ndarray | None, size: int, what: str) -> np.ndarray:
     return array
 
 
-def _of_primitives(skill: ReactiveSkill, values: Sequence, what: str) -> list[tuple[str, Any]]:
+def _of_primitives(skill: ReactiveSkill, values: Sequence[Any], what: str) -> list[tuple[str, Any]]:
     """Pairs (name of the primitive, value). Raises InputError: wrong number of values."""
     try:
         values = list(values)

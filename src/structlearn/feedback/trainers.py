@@ -119,5 +119,6 @@ def train_final(
     Arguments and errors as in `Trainer`; refinement starts from an initial model.
     """
     fold = without_generalization(dataset, parameters.chunk_samples, parameters.seed)
-    (trained,) = named_trainer(network)([(dataset, fold)], parameters, hidden, initial)
+    train = named_trainer(network)
+    (trained,) = train([(dataset, fold)], parameters, hidden, initial)
     return trained.models["validation"]

@@ -85,7 +85,7 @@ def affine(values: Array, at: int, inputs: int, width: int, layer_in: Array, lay
     return biases + width
 
 
-@numba.njit(cache=True)
+@numba.njit(cache=True, forceinline=True)
 def last_hidden(sizes: Array, values: Array, inputs: Array, memory: Array) -> Array:
     """Activations of the last tanh layer of a network; its standardised inputs if it has no layer.
 

@@ -78,8 +78,10 @@ def fit_orientation(
 def default_goals(primitives: Sequence[PosePrimitive]) -> list[PoseGoal]:
     """The mean goals of the demonstrations."""
     return [
-        PoseGoal(one.position.goal, None if one.orientation is None else one.orientation.goal)
-        for one in primitives
+        PoseGoal(
+            primitive.position.goal, None if primitive.orientation is None else primitive.orientation.goal
+        )
+        for primitive in primitives
     ]
 
 

@@ -140,9 +140,10 @@ def _evaluated(work: tuple[CouplingDataset, TrainingParameters, str]) -> pd.Data
     dataset, parameters, name = work
     folds = leave_one_out(dataset, parameters.chunk_samples, parameters.seed)
     network, hidden = NETWORKS[name]
-    found = named_trainer(network)([(dataset, fold) for fold in folds], parameters, hidden)
+    train = named_trainer(network)
+    results = train([(dataset, fold) for fold in folds], parameters, hidden)
     rows = []
-    for stopping, (fold, trained) in product(STOPPINGS, zip(folds, found, strict=True)):
+    for stopping, (fold, trained) in product(STOPPINGS, zip(folds, results, strict=True)):
         model = trained.models[stopping]
         coupling = model.coupling(dataset.deviation, dataset.phase, dataset.phase_velocity)
         keys = {"representation": name, "fold": fold.number, "stopping": stopping}

@@ -6,8 +6,7 @@ from torch import Tensor
 
 from structlearn.feedback.coupling_model import CouplingModel
 from structlearn.feedback.models.pmnn import PhaseModulatedNetwork
-from structlearn.feedback.supervised_training import Stack, StackedData, standardised
-from structlearn.feedback.supervised_training import train as train_weights
+from structlearn.feedback.supervised_training import Stack, StackedData, standardised, train_weights
 from structlearn.feedback.trainers import Jobs, Nodes, Trained, TrainingParameters
 from structlearn.feedback.training import pmnn
 from structlearn.feedback.training.pca import Encoder, principal_components, train_on_codes
