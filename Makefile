@@ -20,7 +20,7 @@ TABLE_OF_README := sed -i -e '/^<!-- findings -->/,/^<!-- end of findings -->/{/
 # other waits. `dvc repro` does what is left.
 TESTBEDS := dynamics scraping servoing obstacles
 repro: $(INSTALLED)  ## run the whole pipeline, write reports/index.html
-ifeq ($(wildcard data/raw),)
+ifeq ($(wildcard data/raw/scraping/nominal),)
 	@$(MAKE) --no-print-directory --jobs=2 $(TESTBEDS:%=stages-of-%)
 endif
 	$(IN_ENVIRONMENT) dvc repro
