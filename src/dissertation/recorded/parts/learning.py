@@ -114,8 +114,8 @@ def errors(
     """Rows of `parts` after the model, for the logs left out."""
     protocol, draw, left_out = choice
     motion = joined([motions[name] for name in left_out])
-    off = predicted_torques(model, tree, motion)[0] - motion.torque
-    squares = {"torque": off**2, "power": (motion.qd * off).sum(axis=1, keepdims=True) ** 2}
+    error = predicted_torques(model, tree, motion)[0] - motion.torque
+    squares = {"torque": error**2, "power": (motion.qd * error).sum(axis=1, keepdims=True) ** 2}
     for part, found in torque_parts(model, tree, motion).items():
         squares[part] = (found[0] - np.concatenate([getattr(logs[name], part) for name in left_out])) ** 2
     where = (protocol, draw, " ".join(left_out))

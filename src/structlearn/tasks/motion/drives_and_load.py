@@ -166,12 +166,12 @@ def weighed_loads(
     """
     assert parameters.load is not None
     pairs = parameters.load.pairs
-    asked = {pair[1]: [pair] for pair in pairs} | ({names.ALL_PAIRS: list(pairs)} if pairs else {})
+    compared = {pair[1]: [pair] for pair in pairs} | ({names.ALL_PAIRS: list(pairs)} if pairs else {})
     work = []
     for gain, values in gains.items():
         ratio = values / gains[names.FOUND]
         scaled = {log: replace(its, torque=its.torque * ratio) for log, its in motions.items()}
-        for name, its in asked.items():
+        for name, its in compared.items():
             work.append((name, gain, [(scaled[empty], scaled[loaded]) for empty, loaded in its]))
     length, draws, seed = parameters.drawing
     weigh = partial(identify_load, tree, friction=FRICTION, length=length, draws=draws, seed=seed)

@@ -41,6 +41,7 @@ from structlearn.rigid_body.urdf import urdf_path
 from structlearn.tasks.motion import drives_and_load
 from structlearn.tasks.motion.drives_and_load import FRICTION, longest_motion
 from structlearn.tasks.motion.parameters import (
+    BLOCK_S,
     FOUND,
     GRAVITY_SHARE,
     QUOTED,
@@ -110,20 +111,20 @@ def _identified(
 ) -> tuple[Models, dict[str, pd.DataFrame]]:
     if parameters.train is not None:
         parameters = logs_that_are_there(logs, parameters)
-    asked = logs if parameters.train is None else moving_logs(logs, parameters)
+    moving = logs if parameters.train is None else moving_logs(logs, parameters)
     tables: dict[str, pd.DataFrame] = {}
     gains = {FOUND: np.ones(len(robot.tree.names))}
     if parameters.drives is None:
-        cuts = {name: cut_motion(log, parameters) for name, log in asked.items()}
+        cuts = {name: cut_motion(log, parameters) for name, log in moving.items()}
     else:
         tables = drives_and_load.drive_tables(robot.tree, logs, parameters)
         gains = {name: tables["gains"][name].to_numpy() for name in (FOUND, QUOTED)}
-        cuts = {name: drives_and_load.current_motion(log, tables, parameters) for name, log in asked.items()}
+        cuts = {name: drives_and_load.current_motion(log, tables, parameters) for name, log in moving.items()}
     motions = {name: motion for name, (motion, _) in cuts.items()}
     pieces = held_out(motions, parameters)
     parts = joined_parts(", ".join(logs), pieces, parameters)
     tables["motions"] = _motion_table(
-        asked, {name: its for name, (_, its) in cuts.items()}, pieces, parameters
+        moving, {name: its for name, (_, its) in cuts.items()}, pieces, parameters
     )
     networks: dict[Kind, NetworkTraining] = {}
     if parameters.networks is not None:
@@ -144,7 +145,7 @@ def _identified(
     judged = models["cov", parameters.judged_friction]
     stride = max(1, round(parameters.rate_hz / parameters.traces_hz))
     first = list(parts)[1]
-    tables |= fitness_tables(robot, parts[TRAIN], [log.time for log in asked.values()], parameters) | {
+    tables |= fitness_tables(robot, parts[TRAIN], [log.time for log in moving.values()], parameters) | {
         "errors": model_comparison.error_table(torques, parts),
         "blocks": model_comparison.block_table(torques, parts, parameters.block),
         "norms": model_comparison.block_norms(torques, parts, parameters.block),
@@ -165,7 +166,7 @@ def joined_parts(logs: str, pieces: Pieces, parameters: MotionParameters) -> dic
     if min(map(len, list(parts.values())[:2])) < parameters.block:
         raise InputError(
             f"{logs}: {learned_s:.1f} s to learn from and {tested_s:.1f} s to test on are too short for "
-            f"blocks of {parameters.block_s:g} s"
+            f"blocks of {BLOCK_S:g} s"
         )
     return parts
 
@@ -258,10 +259,10 @@ def held_out(motions: Mapping[str, Motion], parameters: MotionParameters) -> Pie
     """
     names = list(motions)
     if parameters.train is not None:
-        asked = [name for name in names if name != parameters.train and not CARRIES.search(name)]
-        asked.sort(key=lambda name: name != parameters.test)
+        test = [name for name in names if name != parameters.train and not CARRIES.search(name)]
+        test.sort(key=lambda name: name != parameters.test)
         learned = {TRAIN: [(parameters.train, motions[parameters.train])]}
-        return learned | {name: [(name, motions[name])] for name in asked}
+        return learned | {name: [(name, motions[name])] for name in test}
     if parameters.train_share is not None:
         start, rest = motions[names[0]].split(parameters.train_share)
         return {TRAIN: [(names[0], start)], TEST: [(names[0], rest)]}

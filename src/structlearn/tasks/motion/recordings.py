@@ -25,6 +25,6 @@ def read(folder: Path, entry: MotionParameters, left_out: LeftOut) -> Sequence[J
 
     robot, _ = arm_of(entry)
     in_urdf, recorded = dict(entry.joints), {name: its for its, name in entry.joints}
-    asked = [recorded.get(name, name) for name in robot.tree.names]
-    logs = read_joint_logs(folder, entry.topic, asked, entry.stamps)
+    joints = [recorded.get(name, name) for name in robot.tree.names]
+    logs = read_joint_logs(folder, entry.topic, joints, entry.stamps)
     return [replace(log, joints=tuple(in_urdf.get(name, name) for name in log.joints)) for log in logs]

@@ -8,6 +8,8 @@ import pandas as pd
 from matplotlib.figure import Figure
 from matplotlib.patches import Rectangle
 
+from structlearn.avoidance.look_ahead import AHEAD_M
+from structlearn.avoidance.scene_reaches import ONSET_SHARE
 from structlearn.palette import DEMONSTRATION_COLOUR, GREY, LIGHT_GREY, SCENE_MODELS, Look
 from structlearn.reporting.document import Table
 from structlearn.reporting.evidence import Evidence, clustered_share, mean
@@ -66,6 +68,8 @@ def sections(files: TaskFiles) -> list[Section]:
         "fewest": FEWEST,
         "pairs": len(people),
         "alike": people["same_gaps"].mean(),
+        "ahead_m": AHEAD_M,
+        "onset_share": ONSET_SHARE,
         "chosen": files.entry(ObstacleParameters),
     }
     section = Section(

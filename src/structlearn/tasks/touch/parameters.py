@@ -8,6 +8,8 @@ from structlearn.core.params import Parameters
 from structlearn.readers.source import ClockParameters, SourceParameters, TopicMap
 from structlearn.tactile.latent_parameters import GeodesicParameters, LatentSpaceParameters
 
+DEGREE = 3  # of the polynomial from latent coordinates to place and depth: bends, but no waves
+
 
 class ForceParameters(Parameters):
     """Forces estimated from a skin, learned from presses on a scale."""
@@ -73,7 +75,6 @@ class TouchParameters(SourceParameters):
     tuned_on: tuple[str, ...]
     block_mm: float = Field(gt=0)
     folds: int = Field(ge=2)
-    degree: int = Field(ge=1)
     rival_samples: int = Field(ge=2)
     geodesics: GeodesicParameters
     spaces: LatentSpaceParameters
