@@ -22,7 +22,7 @@ from structlearn.tactile.latent_dynamics import (
     receding_horizon_action,
 )
 from structlearn.tactile.latent_models import LatentModels, StackedAutoencoders, latent_losses
-from structlearn.tactile.latent_parameters import NetworkParameters
+from structlearn.tactile.latent_parameters import LatentNetworkParameters
 from structlearn.tactile.latent_training import CHAIN_STEPS
 from structlearn.tactile.servo_controller import (
     AdaptiveServo,
@@ -270,7 +270,10 @@ def test_what_a_trial_corrects_no_other_trial_sees():
 
 def controller(inverse, horizon=1, by_likelihood=True, action_penalty=0.01):
     models = LatentModels.initial(
-        (0, 1), 19, committed(NetworkParameters, "train_latent.networks"), torch.Generator().manual_seed(3)
+        (0, 1),
+        19,
+        committed(LatentNetworkParameters, "train_latent.networks"),
+        torch.Generator().manual_seed(3),
     ).detached()
     parameters = ServoParameters(inverse=inverse, horizon=horizon, action_penalty=action_penalty)
     servo = AdaptiveServo(models, UNITS, True, parameters, 100 / 31, 6, ModelTrust(by_likelihood, 1.5, 1.0))

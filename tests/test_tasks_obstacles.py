@@ -417,8 +417,8 @@ def test_representations_are_compared_on_the_same_held_out_samples():
     its = {"folds": 2, "network": network, "pmnn": pmnn, "pmnn_hidden": (8,)}
     parameters = committed_entry("avoidance", **its)
     with pytest.raises(InputError, match="too few for 2 folds"):
-        coupling_representations.compare_representations(phase_dependent(3), parameters)
-    results = coupling_representations.compare_representations(dataset, parameters)
+        coupling_representations.representation_scores(phase_dependent(3), parameters)
+    results = coupling_representations.representation_scores(dataset, parameters)
     scores = results["scores"].set_index(KEYS)
     assert list(scores.index.droplevel("axis").unique()) == list(coupling_representations.REPRESENTATIONS)
     # the pooled error is the mean over folds of the share of each, and ridge regression can be redone by hand

@@ -50,7 +50,7 @@ def learn_parts(logs: Mapping[str, PartedLog], parameters: PartsParameters) -> d
     motions = {}
     for name, log in logs.items():
         motions[name] = Motion(log.positions, log.velocities, log.accelerations, log.torques)
-    choices = held_out(list(logs), parameters)
+    choices = characters_left_out(list(logs), parameters)
     learned_from = [joined([motions[name] for name in logs if name not in its]) for _, _, its in choices]
     rows: list[tuple[str, str, int, str, str, float]] = []
     arms, joints = [], learned_from[0].joints
@@ -76,7 +76,7 @@ def learn_parts(logs: Mapping[str, PartedLog], parameters: PartsParameters) -> d
     }
 
 
-def held_out(names: Sequence[str], parameters: PartsParameters) -> list[Choice]:
+def characters_left_out(names: Sequence[str], parameters: PartsParameters) -> list[Choice]:
     """The authors' choice once per seed, and random choices."""
     generator, count = np.random.default_rng(0), len(parameters.left_out)
     choices: list[Choice] = [(AUTHORS, seed, parameters.left_out) for seed in range(parameters.seeds)]

@@ -62,7 +62,7 @@ THE_LOAD = re.compile(f"{LOAD}$", re.IGNORECASE)
 Pieces = dict[str, list[tuple[str, Motion]]]  # pieces of motions, each with its log, by part
 
 
-def arm_of(parameters: MotionParameters) -> tuple[Robot, Path]:
+def read_arm(parameters: MotionParameters) -> tuple[Robot, Path]:
     """Robot with its URDF's inertias, and the URDF's path: a file, or one of `pybullet_data`.
 
     In a public set, the URDF may be in any subfolder.
@@ -94,7 +94,7 @@ def learn_motion(
     Raises InputError: a log lacks a joint, is too short, has no motion or a constant torque.
     MissingInputError: logs are named, but fewer than two motions are without load.
     """
-    logs = {name: in_order(robot.tree, log) for name, log in logs.items()}
+    logs = {name: in_tree_order(robot.tree, log) for name, log in logs.items()}
     models: Models = {}
     if parameters.structures:
         models, tables = _identified(robot, logs, parameters, source, folder)
@@ -121,7 +121,7 @@ def _identified(
         gains = {name: tables["gains"][name].to_numpy() for name in (FOUND, QUOTED)}
         cuts = {name: drives_and_load.current_motion(log, tables, parameters) for name, log in moving.items()}
     motions = {name: motion for name, (motion, _) in cuts.items()}
-    pieces = held_out(motions, parameters)
+    pieces = train_and_test_pieces(motions, parameters)
     parts = joined_parts(", ".join(logs), pieces, parameters)
     tables["motions"] = _motion_table(
         moving, {name: its for name, (_, its) in cuts.items()}, pieces, parameters
@@ -189,7 +189,7 @@ def fitness_tables(
     }
 
 
-def in_order(tree: KinematicTree, log: Log) -> Log:
+def in_tree_order(tree: KinematicTree, log: Log) -> Log:
     """Sort a log's columns into the robot's joint order."""
     if log.joints == tuple(tree.names):
         return log
@@ -250,7 +250,7 @@ def logs_that_are_there(logs: Mapping[str, Log], parameters: MotionParameters) -
     return parameters.model_copy(update=update)
 
 
-def held_out(motions: Mapping[str, Motion], parameters: MotionParameters) -> Pieces:
+def train_and_test_pieces(motions: Mapping[str, Motion], parameters: MotionParameters) -> Pieces:
     """Split motions into training (`TRAIN`) and test pieces.
 
     Named logs are parts of their own, including those without load that no parameter names. Otherwise the

@@ -30,7 +30,7 @@ def motion_figures(results: MotionResults) -> dict[str, Drawing | Sequence[Drawi
     """All figures, keyed by name."""
     worst = results.test.loc[results.best].sort_values(ascending=False).index[:TRACED_JOINTS]
     first, *others = [torque_panel(results, joint) for joint in worst]
-    drawn: dict[str, Drawing | Sequence[Drawing]] = {"motion": [errors_panel(results), first]}
+    drawn: dict[str, Drawing | Sequence[Drawing]] = {"motion": [joint_errors_panel(results), first]}
     if others:
         drawn["motion_torques"] = others
     if "gains" in results:
@@ -41,7 +41,7 @@ def motion_figures(results: MotionResults) -> dict[str, Drawing | Sequence[Drawi
 
 
 @styled
-def errors_panel(results: MotionResults) -> Figure:
+def joint_errors_panel(results: MotionResults) -> Figure:
     """NMSE by joint and model, with intervals for the model written as URDF."""
     figure, axes = panel("Held-out motion", 3.5, xlabel="joint", ylabel="NMSE", yscale="log")
     for key, look in LOOKS.items():

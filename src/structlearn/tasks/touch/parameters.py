@@ -19,7 +19,7 @@ class ForceParameters(Parameters):
     penalties: tuple[PositiveFloat, ...] = Field(min_length=1)
 
 
-class PublishedParameters(Parameters):
+class PublishedErrors(Parameters):
     """Errors published for the end of each run, after training on its start."""
 
     first_share: float = Field(gt=0, lt=1)
@@ -79,7 +79,7 @@ class TouchParameters(SourceParameters):
     geodesics: GeodesicParameters
     spaces: LatentSpaceParameters
     force: ForceParameters | None
-    published: PublishedParameters | None
+    published: PublishedErrors | None
     servo: ServoParameters | None
     surfaces: SurfaceParameters | None
 

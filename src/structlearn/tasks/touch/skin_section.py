@@ -14,7 +14,7 @@ from structlearn.reporting.findings import Findings
 from structlearn.reporting.prose import listing
 from structlearn.tasks.section import Section
 from structlearn.tasks.task_files import TaskFiles
-from structlearn.tasks.touch.parameters import DEGREE, PublishedParameters, TouchParameters
+from structlearn.tasks.touch.parameters import DEGREE, PublishedErrors, TouchParameters
 from structlearn.tasks.touch.touch_names import (
     ADAPTIVE,
     COMPONENTS,
@@ -191,7 +191,7 @@ def find_skin(runs: SkinRuns) -> Findings:
     return find
 
 
-def skin_tables(runs: SkinRuns, published: PublishedParameters | None) -> dict[str, Table]:
+def skin_tables(runs: SkinRuns, published: PublishedErrors | None) -> dict[str, Table]:
     """Errors by model, those published, trials of servoing, forces, lags, recordings."""
     tables, keys = {}, ["new", *KEYS, "model"]
 
@@ -260,9 +260,9 @@ def skin_pictures(runs: SkinRuns) -> dict[str, Drawing | Sequence[Drawing]]:
     """Figures by name, as far as there are data for them."""
     drawn: dict[str, Drawing | Sequence[Drawing]] = {}
     if "errors" in runs.tables:
-        drawn = {"skin_map": skin_map(runs), "skin_errors": errors_panel(runs)}
+        drawn = {"skin_map": skin_map(runs), "skin_errors": map_error_panels(runs)}
     if "paths" in runs.tables:
-        drawn["skin_paths"] = paths_panel(runs)
+        drawn["skin_paths"] = servo_panels(runs)
     if "traces" in runs.tables:
         drawn["skin_force"] = force_panel(runs)
     return drawn
@@ -281,7 +281,7 @@ def skin_map(runs: SkinRuns) -> list[Raster]:
 
 
 @styled
-def errors_panel(runs: SkinRuns) -> list[Figure]:
+def map_error_panels(runs: SkinRuns) -> list[Figure]:
     """Map error and place error of all models, on blocks held out and on other runs."""
     cases = {"blocks held out": NEW_BLOCKS} | ({"other run": NEW_RUN} if "maps" in runs.tables else {})
     figures, apart = [], len(SPACES) + 1
@@ -307,7 +307,7 @@ def errors_panel(runs: SkinRuns) -> list[Figure]:
 
 
 @styled
-def paths_panel(runs: SkinRuns) -> list[Figure]:
+def servo_panels(runs: SkinRuns) -> list[Figure]:
     """Paths of the probe from press to press, a panel per training run."""
     figures = []
     for (first, second), its in runs.pairs("paths"):
