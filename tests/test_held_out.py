@@ -557,7 +557,7 @@ def coupling_of_samples(monkeypatch, tmp_path):
         monkeypatch,
         coupling_representations,
         "_fitted",
-        lambda its: coupling_representations.compare_representations(its, parameters),
+        lambda its: coupling_representations.representation_scores(its, parameters),
     )
     data = phase_dependent(100)
     tested, trained_on = (

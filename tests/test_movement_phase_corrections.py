@@ -33,7 +33,6 @@ PARAMETERS = committed(
     "defaults.movement.corrections",
     source="clmc",
     smoothing_hz=20.0,
-    learned_share=0.67,
     splits=3,
 )
 

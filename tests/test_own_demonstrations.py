@@ -170,7 +170,10 @@ def test_parts_that_an_entry_does_not_name_are_null(root, folder):
         (REACH | {"topics": {}}, "movement.task.topics.pose"),
         (REACH | {"clock": {"rate_hz": -1}}, "movement.task.clock.rate_hz"),
         (REACH | {"repeats": 0}, "movement.task.repeats"),
-        (REACH | {"given": "reach", "repeats": 3}, "repeats are looked for only where recordings are cut"),
+        (
+            REACH | {"presegmented": "reach", "repeats": 3},
+            "repeats are looked for only where recordings are cut",
+        ),
         (REACH | {"feedback": CORRECTED | {"primitives": ["raech"]}}, "no primitive 'raech' among reach"),
         (REACH | {"feedback": CORRECTED}, "movement.task: feedback.sensors: tactile is felt by no topic"),
     ],

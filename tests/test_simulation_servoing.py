@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 from dissertation.servoing.protocol import servo_scores
 from dissertation.servoing.protocol.servo_trials import MOTIONS, draw, make_scene
 from dissertation.servoing.protocol.servo_variants import (
-    RESTING,
+    ADAPTIVE,
     ServoTrialParameters,
     ToleranceParameters,
     Variant,
@@ -170,7 +170,7 @@ def test_only_the_pressure_is_wrong_of_misses_whose_contact_is_near():
     """Of one controller's trials; a contact at the very distance is near."""
     rows = [(True, 0.1), (True, 5.0), (False, 0.1), (False, 1.0), (False, 1.1), (False, 9.0), (False, 9.0)]
     table = pd.DataFrame(rows, columns=["success", "position_error_mm"])
-    one, other = Variant(RESTING, "NJ"), Variant(RESTING, "LL")
+    one, other = Variant(ADAPTIVE, "NJ"), Variant(ADAPTIVE, "LL")
     trials = pd.concat([table.assign(**vars(one)), table.iloc[::-2].assign(**vars(other))])
     scores = servo_scores.ControllerScores(trials)
     assert scores.only_pressed_wrong(one, 1.0) == 2

@@ -18,7 +18,7 @@ from structlearn.avoidance import scene_folds, scene_models
 from structlearn.avoidance.avoidance_dataset import AvoidanceDataset
 from structlearn.avoidance.features import features
 from structlearn.avoidance.scene_folds import ALL_MODELS, MODELS, folds_of_people, learn_past_obstacles
-from structlearn.avoidance.scene_reaches import SceneLearningParameters, reaches_past_obstacles
+from structlearn.avoidance.scene_reaches import ONSET_SHARE, SceneLearningParameters, reaches_past_obstacles
 from structlearn.core.errors import InputError, MissingInputError
 from structlearn.core.metrics import wilson_interval
 from structlearn.core.minimum_jerk import progress
@@ -77,7 +77,7 @@ def test_a_reach_begins_at_its_onset_and_ends_at_the_target():
     (reach,), left_out = reaches_past_obstacles([made_up_trial("p1", 0, 0.1)], PARAMETERS)
     assert left_out.empty
     speed = np.gradient(progress(np.linspace(0.0, 1.0, 2001)))
-    begins = MOVE_S * np.argmax(speed > PARAMETERS.reaches.onset_share * speed.max()) / 2000
+    begins = MOVE_S * np.argmax(speed > ONSET_SHARE * speed.max()) / 2000
     assert reach.duration_s == pytest.approx(MOVE_S - begins, abs=0.04)
     assert np.allclose(reach.in_base_frame[-1], [0.0, 0.15, 0.78], atol=2e-3)
     assert np.allclose(reach.path.position[0], 0.0)
@@ -161,7 +161,7 @@ def test_scores_tell_blocked_from_free_and_the_sides():
     assert not planned["hit"].any()
     assert planned["left_mm"].max() < 1e-6
     assert planned.loc["p1_1", "same_gaps"]
-    assert rows.loc["scene", "left_mm"].max() < 1e3 * PARAMETERS.end_limit_m + 5.0
+    assert rows.loc["scene", "left_mm"].max() < 1e3 * scene_models.END_LIMIT_M + 5.0
     reaches, _ = made_up_reaches()
     own = np.array([reach.in_base_frame for reach in reaches])  # who is the same as themselves
     rows = scene_folds.scores(reaches, own, np.zeros(len(own)), PARAMETERS.hand_radius_m)
@@ -186,11 +186,9 @@ def test_the_text_sees_the_nearest_box():
 
 def test_without_feedback_it_is_the_primitive_and_with_its_target_the_demonstration():
     reaches, _ = made_up_reaches()
-    baseline = scene_models.straight_baseline(reaches, PARAMETERS.straight_share)
+    baseline = scene_models.straight_baseline(reaches)
     bent = [one for one in reaches if one.name.endswith("_0")]  # none is straight, the first straightest
-    alone, both = (
-        scene_models.straight_baseline(some, PARAMETERS.straight_share) for some in (bent[:1], bent)
-    )
+    alone, both = (scene_models.straight_baseline(some) for some in (bent[:1], bent))
     assert np.array_equal(alone.unroll(0.01, duration=1.0).position, both.unroll(0.01, duration=1.0).position)
     goals, samples = np.array([reach.goal for reach in reaches]), PARAMETERS.reaches.samples
     alone = scene_models.unroll_through(baseline, goals, None, samples)
@@ -214,7 +212,7 @@ def test_states_elsewhere_lead_back():
     reaches, _ = made_up_reaches()
     baseline = fit_position([reach.path for reach in reaches]).local
     states = scene_models.scene_states([reach.path for reach in reaches], baseline, 10)
-    beside = scene_models.displaced_states(states, PARAMETERS.network, 60.0, (0, 0))
+    beside = scene_models.displaced_states(states, PARAMETERS.network, (0, 0))
     count = len(states.time)
     assert len(beside.time) == 2 * count
     assert np.array_equal(beside.position[:count], states.position)
@@ -222,11 +220,11 @@ def test_states_elsewhere_lead_back():
     assert np.allclose(beside.target[count:], states.target - 60.0 * off)
     assert 0.5 < off.std() / PARAMETERS.network.displaced_m < 1.5
     few = PARAMETERS.network.model_copy(update={"demonstrations": 2})
-    assert len(np.unique(scene_models.displaced_states(states, few, 60.0, (0, 0)).scene)) == 2
+    assert len(np.unique(scene_models.displaced_states(states, few, (0, 0)).scene)) == 2
     scenes = scene_models.reach_scenes(reaches, PARAMETERS)
-    dataset = scene_models.samples_of_scene(states, scenes, PARAMETERS.look_ahead.ahead_m)
+    dataset = scene_models.samples_of_scene(states, scenes)
     one = states.where(states.scene == 4)
-    alone = scene_models.samples_of_scene(one, scenes, PARAMETERS.look_ahead.ahead_m)
+    alone = scene_models.samples_of_scene(one, scenes)
     assert np.array_equal(dataset.features[states.scene == 4], alone.features)
 
 
@@ -419,8 +417,8 @@ def test_representations_are_compared_on_the_same_held_out_samples():
     its = {"folds": 2, "network": network, "pmnn": pmnn, "pmnn_hidden": (8,)}
     parameters = committed_entry("avoidance", **its)
     with pytest.raises(InputError, match="too few for 2 folds"):
-        coupling_representations.compare_representations(phase_dependent(3), parameters)
-    results = coupling_representations.compare_representations(dataset, parameters)
+        coupling_representations.representation_scores(phase_dependent(3), parameters)
+    results = coupling_representations.representation_scores(dataset, parameters)
     scores = results["scores"].set_index(KEYS)
     assert list(scores.index.droplevel("axis").unique()) == list(coupling_representations.REPRESENTATIONS)
     # the pooled error is the mean over folds of the share of each, and ridge regression can be redone by hand

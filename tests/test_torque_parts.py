@@ -6,7 +6,7 @@ import pytest
 from committed import committed_entry
 from readers_bags import recorded_data
 
-from dissertation.recorded.parts.learning import held_out, learn_parts
+from dissertation.recorded.parts.learning import characters_left_out, learn_parts
 from dissertation.recorded.parts.page import parts_section
 from dissertation.recorded.parts.parameters import AUTHORS, RANDOM
 from dissertation.recorded.readers import delan_characters
@@ -55,7 +55,7 @@ def test_every_model_is_scored_on_what_it_did_not_see():
     quick["published"] = dict.fromkeys(("torque", "coriolis", "inertial", "gravity", "power"), 1e-3)
     parameters = committed_entry("delan_characters", **quick)
     logs = {name: log(name, seed) for seed, name in enumerate("pqr")}
-    choices = held_out(list(logs), parameters)
+    choices = characters_left_out(list(logs), parameters)
     assert [its[0] for its in choices] == [AUTHORS] * 2 + [RANDOM] * 3
     tables = learn_parts(logs, parameters)
     parts = tables["parts"]

@@ -21,7 +21,7 @@ from structlearn.tasks.task_entry import source_digests, write_task
 from structlearn.tasks.task_files import LEFT_OUT, TaskFiles
 from structlearn.tasks.touch.skin_section import SkinRuns, find_skin
 from structlearn.tasks.touch.surface_section import find_surfaces
-from structlearn.tasks.touch.touch_names import ASKED, COMPONENTS, PARTNERS, PLAIN, SLIDES, STRUCTURED
+from structlearn.tasks.touch.touch_names import COMPONENTS, PARTNERS, PLAIN, SLIDES, STRUCTURED, TESTS
 
 
 def rows(columns, values):
@@ -65,11 +65,11 @@ def transfer():
     nmse = {STRUCTURED: error, PLAIN: error, COMPONENTS: 0.5}
     errors = [
         (*key, model, part, 0, nmse[model] + 0.001 * part, 1.0, error + 0.001 * part, 0.02)
-        for key in ASKED
+        for key in TESTS
         for model in nmse
         for part in range(4)
     ]
-    columns = "learned_from asked_about new model part seed reconstruction worst_electrode distances pressure"
+    columns = "learned_from test_run new model part seed reconstruction worst_electrode distances pressure"
     numbers = {"trials": 4, "samples": 900, "counts": 8.0, "against": 0.2, "components": 6}
     numbers |= {"start_counts": 21.0, "end_counts": 3.0}
     numbers |= dict.fromkeys(("along_mm", "across_mm"), 0.2) | dict.fromkeys(
@@ -142,7 +142,7 @@ def test_a_skin_is_shown_as_far_as_it_was_recorded(there, shown):
     tables = skin()
     tables["map"] = tables["maps"]
     tables["recordings"] = pd.DataFrame({"recording": ["a"], "samples": [25], "touching": [25]})
-    alone = tables["errors"][tables["errors"]["learned_from"] == tables["errors"]["asked_about"]]
+    alone = tables["errors"][tables["errors"]["learned_from"] == tables["errors"]["test_run"]]
     if "maps" not in there:
         tables["errors"] = alone
     if "recordings" not in there:
@@ -157,7 +157,7 @@ def test_a_skin_is_shown_as_far_as_it_was_recorded(there, shown):
 def test_touch_goes_on_with_one_of_its_sets(missing, shown):
     gone, tables = {missing, PARTNERS[missing]}, dict(transfer())
     for name, columns in (
-        ("errors", ("learned_from", "asked_about")),
+        ("errors", ("learned_from", "test_run")),
         ("sets", ("set",)),
         ("likeness", ("first", "second")),
         ("correlations", ("set",)),

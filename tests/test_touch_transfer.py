@@ -93,7 +93,7 @@ def test_every_trial_is_left_out_once_and_every_material_once():
 
 
 def test_all_is_asked_of_all_models(results):
-    counts = results["errors"].groupby(["learned_from", "asked_about", "new", "model"])["part"].nunique()
+    counts = results["errors"].groupby(["learned_from", "test_run", "new", "model"])["part"].nunique()
     for model in (names.STRUCTURED, names.PLAIN, names.COMPONENTS):
         for new, parts in ((names.NEW_TRIALS, 2), (names.NEW_MATERIAL, 2), (names.OWN_UNITS, 2)):
             assert counts[names.SLIDES, names.SLIDES, new, model] == parts

@@ -1,6 +1,6 @@
 """Names, order and colours of the controllers and models that the page and the recordings show."""
 
-from dissertation.servoing.protocol.servo_variants import PUBLISHED, RESTING, Variant
+from dissertation.servoing.protocol.servo_variants import ADAPTIVE, PUBLISHED, Variant
 from structlearn.palette import BLACK, BLUE, GREEN, GREY, LIGHT_BLUE, LIGHT_GREY, OCHRE, ORANGE, PINK
 from structlearn.tactile.latent_parameters import (
     JACOBIAN,
@@ -15,15 +15,15 @@ from structlearn.tactile.latent_parameters import (
 INVERSE_COLOURS: dict[InverseModel, str] = {LOCALLY_LINEAR: GREEN, NEGATIVE_GRADIENT: PINK, JACOBIAN: BLUE}
 """Inverse models, in the order of the text."""
 
-FORM_NAMES = {PUBLISHED: "published controller", RESTING: "resting controller"}
-FORM_COLOURS = {PUBLISHED: OCHRE, RESTING: BLUE}
-AS_PUBLISHED, OURS = Variant(PUBLISHED, JACOBIAN), Variant(RESTING, JACOBIAN)
-"""The dissertation's controller and the resting controller, both with the non-linear model's Jacobian."""
+FORM_NAMES = {PUBLISHED: "published controller", ADAPTIVE: "adaptive controller"}
+FORM_COLOURS = {PUBLISHED: OCHRE, ADAPTIVE: BLUE}
+AS_PUBLISHED, OURS = Variant(PUBLISHED, JACOBIAN), Variant(ADAPTIVE, JACOBIAN)
+"""The dissertation's controller and the adaptive controller, both with the non-linear model's Jacobian."""
 
 STRUCTURE_NAMES = {True: "structure", False: "no structure"}  # latent spaces
 STRUCTURE_COLOURS = {True: BLACK, False: GREY}
 
-DYNAMICS = tuple((forward, way) for forward, ways in TRAINED_WITH.items() for way in ways)
+DYNAMICS = tuple((forward, loss) for forward, losses in TRAINED_WITH.items() for loss in losses)
 """Forward models, each with the inverse model whose loss it was trained with."""
 
 STILL = (UNCHANGED, NO_INVERSE)  # baseline: the latent state does not change

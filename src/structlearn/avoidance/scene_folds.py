@@ -140,7 +140,7 @@ def _errors(
     paths = [reach.path for reach in reaches]
     states = scene_models.scene_states(paths, learned.baseline, parameters.keep_every)
     nearest = scene_models.samples_of_nearest(states, scenes)
-    seen = scene_models.samples_of_scene(states, scenes, parameters.look_ahead.ahead_m)
+    seen = scene_models.samples_of_scene(states, scenes)
     variance = np.square(states.target - states.target.mean(axis=0)).sum(axis=0)
     rows = []
     for model in MODELS:

@@ -83,7 +83,7 @@ def scores(paths: AvoidancePaths, obstacles: Sequence[CloudBatch], bare: np.ndar
             "goal_distance_m": to_goal[:, end - 1],
             "excursion_m": to_goal[:, end - 1 :].max(axis=1),
             "late_goal_distance_m": to_goal[:, late - 1],
-            "restrained": (paths.asked != paths.coupling)[:, :end].any(axis=-1).mean(axis=1),
+            "restrained": (paths.requested != paths.coupling)[:, :end].any(axis=-1).mean(axis=1),
         }
     )
 

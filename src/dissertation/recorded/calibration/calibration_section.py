@@ -83,7 +83,7 @@ def _case(name: str) -> str:
     return words[0] if name.startswith("power") else words[-1]
 
 
-def calibration_tables(stored: Mapping[str, pd.DataFrame]) -> dict[str, Table]:
+def page_tables(stored: Mapping[str, pd.DataFrame]) -> dict[str, Table]:
     """The comparison, and medians of all sets."""
     statistics = [name for name in STATISTICS if name in stored["fingers"]]
     medians = stored["fingers"].groupby("group")[statistics].median().T
@@ -128,7 +128,7 @@ def calibration_document(
         stage=stage,
         clone="../..",  # of the project of public sets
         facts=facts,
-        tables=calibration_tables(stored),
+        tables=page_tables(stored),
         judged=judged,
         sources={name: Source(f"data/calibration/{name}.parquet", "calibrate") for name in stored},
         parameters={"calibrate": parameters},

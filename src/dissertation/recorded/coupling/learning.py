@@ -47,12 +47,12 @@ FITS = (
 
 
 def learn(files: TaskFiles, folder: Path) -> None:
-    """Write the tables of `compare_representations`."""
+    """Write the tables of `representation_scores`."""
     samples = from_table(files.table("recorded/samples"))
-    write_tables(compare_representations(samples, files.entry(CouplingParameters)), folder)
+    write_tables(representation_scores(samples, files.entry(CouplingParameters)), folder)
 
 
-def compare_representations(
+def representation_scores(
     dataset: AvoidanceDataset, parameters: CouplingParameters
 ) -> dict[str, pd.DataFrame]:
     """Cross-validate every representation; raises MissingInputError for fewer than two samples a fold.

@@ -34,7 +34,7 @@ INPUTS = {
     "phase": Look("features, phase and its velocity", BLUE),
 }
 
-Tables = Mapping[str, pd.DataFrame]  # of `learning.compare_representations`
+Tables = Mapping[str, pd.DataFrame]  # of `learning.representation_scores`
 KEYS = ["representation", "inputs"]
 
 

@@ -50,7 +50,7 @@ def learn_parts(logs: Mapping[str, PartedLog], parameters: PartsParameters) -> d
     motions = {}
     for name, log in logs.items():
         motions[name] = Motion(log.positions, log.velocities, log.accelerations, log.torques)
-    choices = held_out(list(logs), parameters)
+    choices = characters_left_out(list(logs), parameters)
     learned_from = [joined([motions[name] for name in logs if name not in its]) for _, _, its in choices]
     rows: list[tuple[str, str, int, str, str, float]] = []
     arms, joints = [], learned_from[0].joints
@@ -76,7 +76,7 @@ def learn_parts(logs: Mapping[str, PartedLog], parameters: PartsParameters) -> d
     }
 
 
-def held_out(names: Sequence[str], parameters: PartsParameters) -> list[Choice]:
+def characters_left_out(names: Sequence[str], parameters: PartsParameters) -> list[Choice]:
     """The authors' choice once per seed, and random choices."""
     generator, count = np.random.default_rng(0), len(parameters.left_out)
     choices: list[Choice] = [(AUTHORS, seed, parameters.left_out) for seed in range(parameters.seeds)]
@@ -114,8 +114,8 @@ def errors(
     """Rows of `parts` after the model, for the logs left out."""
     protocol, draw, left_out = choice
     motion = joined([motions[name] for name in left_out])
-    off = predicted_torques(model, tree, motion)[0] - motion.torque
-    squares = {"torque": off**2, "power": (motion.qd * off).sum(axis=1, keepdims=True) ** 2}
+    error = predicted_torques(model, tree, motion)[0] - motion.torque
+    squares = {"torque": error**2, "power": (motion.qd * error).sum(axis=1, keepdims=True) ** 2}
     for part, found in torque_parts(model, tree, motion).items():
         squares[part] = (found[0] - np.concatenate([getattr(logs[name], part) for name in left_out])) ** 2
     where = (protocol, draw, " ".join(left_out))

@@ -78,9 +78,9 @@ def read_run(path: Path, root: Path, kind: str) -> TouchLog:
     )
 
 
-def nearest_rows(stamps: np.ndarray, asked: np.ndarray) -> np.ndarray:
+def nearest_rows(stamps: np.ndarray, wanted: np.ndarray) -> np.ndarray:
     """Rows of increasing stamps (T,) nearest to other stamps (N,); the earlier of a tie."""
-    after = np.searchsorted(stamps, asked).clip(1, max(len(stamps) - 1, 1))
+    after = np.searchsorted(stamps, wanted).clip(1, max(len(stamps) - 1, 1))
     after = np.minimum(after, len(stamps) - 1)
     before = np.maximum(after - 1, 0)
-    return np.where(asked - stamps[before] <= stamps[after] - asked, before, after)
+    return np.where(wanted - stamps[before] <= stamps[after] - wanted, before, after)

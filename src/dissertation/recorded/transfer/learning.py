@@ -179,7 +179,7 @@ def learn_transfer(
     Trials of a simulated set are many and alike, so only their first part is held out.
 
     Returns:
-        `errors` per `learned_from` and `asked_about` (sets), `new` (what is new in the samples), `part` (its
+        `errors` per `learned_from` and `test_run` (sets), `new` (what is new in the samples), `part` (its
         number), `model` and `seed`: NMSE of `reconstruction` (mean over electrodes), of its
         `worst_electrode`, of map `distances` and of `pressure`; the last two are NaN for components.
         `sets`: see `_statistics`. `likeness` per `first` and `second`: `correlation` of the off-diagonal
@@ -231,17 +231,17 @@ def _errors(
     samples = source.without(trials)
     units = own_units(samples, source.geodesics)
     models = learn_spaces(samples, source.geodesics, units, parameters)
-    asked = {LEARNED: (units, samples, source, TRAIN), new: (units, samples, source, TEST)}
+    tests = {LEARNED: (units, samples, source, TRAIN), new: (units, samples, source, TEST)}
     if new == NEW_MATERIAL:
         rest = source.without(np.setdiff1d(np.arange(len(source.groups)), trials))
-        asked[names.OWN_UNITS] = (own_units(rest, source.geodesics), rest, source, TRAIN)
+        tests[names.OWN_UNITS] = (own_units(rest, source.geodesics), rest, source, TRAIN)
     else:
         whole = partner.without(())
-        asked[names.NEW_SET] = (own_units(whole, partner.geodesics), whole, partner, TRAIN)
+        tests[names.NEW_SET] = (own_units(whole, partner.geodesics), whole, partner, TRAIN)
     pairs = parameters.evaluation_pairs
     seen = {
         name: split_data(its_units, touches, of.geodesics, split, pairs, np.random.default_rng(split))
-        for name, (its_units, touches, of, split) in asked.items()
+        for name, (its_units, touches, of, split) in tests.items()
     }
     spaces = latent_errors(models, seen).rename(columns={"split": "new"})
     spaces["model"] = np.where(spaces.pop("structure"), names.STRUCTURED, names.PLAIN)
@@ -254,8 +254,8 @@ def _errors(
     table = pd.concat([spaces, pd.DataFrame(rival, columns=columns)], ignore_index=True)
     if new == NEW_MATERIAL:  # training errors add nothing to those of `NEW_TRIALS`
         table = table[table["new"] != LEARNED]
-    about = table["new"].map({name: of.name for name, (_, _, of, _) in asked.items()})
-    return table.assign(learned_from=source.name, asked_about=about, part=part)
+    about = table["new"].map({name: of.name for name, (_, _, of, _) in tests.items()})
+    return table.assign(learned_from=source.name, test_run=about, part=part)
 
 
 def _statistics(touches: TouchSet, skin: Skin) -> dict[str, float | str]:

@@ -22,7 +22,7 @@ Tables = Mapping[str, pd.DataFrame]
 
 PUBLISHED_NMSE = 0.25  # bound of the claims, drawn as a dashed line
 MODELS = (STRUCTURED, names.PLAIN, COMPONENTS)
-KEYS = ["learned_from", "asked_about", "new", "model"]
+KEYS = ["learned_from", "test_run", "new", "model"]
 
 
 def sections(files: TaskFiles) -> list[Section]:
@@ -56,10 +56,10 @@ def partners(tables: Tables) -> dict[str, str]:
 
 
 def touch_scores(tables: Tables) -> pd.DataFrame:
-    """Mean errors of latent spaces and their `..._std`, by entry of `ASKED` and `model`."""
+    """Mean errors of latent spaces and their `..._std`, by entry of `TESTS` and `model`."""
     by = tables["errors"].groupby(KEYS)[["reconstruction", "distances", "pressure"]]
     scores = by.mean().join(by.std().add_suffix("_std")).sort_index()
-    return scores[[key[:3] in names.ASKED for key in scores.index]]
+    return scores[[key[:3] in names.TESTS for key in scores.index]]
 
 
 def find_transfer(tables: Tables) -> Findings:
@@ -143,7 +143,7 @@ def scores_table(scores: pd.DataFrame) -> Table:
     rows = [
         {"learned from": key[0], "tested on": key[1] if key[2] == NEW_SET else key[2]}
         | {heading: spread((*key, model), error) for heading, model, error in columns}
-        for key in names.ASKED
+        for key in names.TESTS
         if (*key, STRUCTURED) in scores.index
     ]
     return Table(pd.DataFrame(rows))
@@ -155,19 +155,19 @@ def touch_panel(scores: pd.DataFrame, carried: bool) -> Figure:
     title = "Learned from another set" if carried else "Learned from the same set"
     figure, axes = panel(title, 3.9, xscale="log", xlim=(0.03, 8), xlabel="NMSE of the reconstruction")
     there = set(scores.index.droplevel("model"))
-    asked = [key for key in names.ASKED if (key[2] == NEW_SET) == carried and key in there]
+    tests = [key for key in names.TESTS if (key[2] == NEW_SET) == carried and key in there]
     for offset, model in enumerate(MODELS, -1):
-        its, look = scores.xs(model, level="model").loc[asked], SPACES[model]
+        its, look = scores.xs(model, level="model").loc[tests], SPACES[model]
         middle, std = its["reconstruction"], its["reconstruction_std"]
         bars = [np.minimum(std, 0.9 * middle), std]  # a logarithmic axis has no zero
-        places = np.arange(len(asked)) + 0.22 * offset
+        places = np.arange(len(tests)) + 0.22 * offset
         axes.errorbar(middle, places, xerr=bars, fmt="o", markersize=5, color=look.colour, label=look.name)
     axes.axvline(PUBLISHED_NMSE, color=BLACK, linestyle="--", linewidth=1.0)
     axes.axvline(1.0, color=BLACK, linewidth=1.0)
     axes.set_xticks([0.03, 0.1, 0.3, 1, 3], ["0.03", "0.1", "0.3", "1", "3"])
     axes.minorticks_off()
-    pairs = [(first, second if carried else new.replace(", ", ",\n")) for first, second, new in asked]
-    axes.set_yticks(range(len(asked)), [f"{first}\n\N{RIGHTWARDS ARROW} {what}" for first, what in pairs])
+    pairs = [(first, second if carried else new.replace(", ", ",\n")) for first, second, new in tests]
+    axes.set_yticks(range(len(tests)), [f"{first}\n\N{RIGHTWARDS ARROW} {what}" for first, what in pairs])
     axes.invert_yaxis()
     return legend(figure, 1)
 

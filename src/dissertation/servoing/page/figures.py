@@ -24,7 +24,7 @@ from dissertation.servoing.page.findings import (
     rate,
 )
 from dissertation.servoing.protocol.servo_scores import KEYS, rows_of, success_by_tolerance
-from dissertation.servoing.protocol.servo_variants import RESTING, Variant
+from dissertation.servoing.protocol.servo_variants import ADAPTIVE, Variant
 from dissertation.simulation.still import Sheet, Solid, View, still
 from structlearn.core import quaternion
 from structlearn.core.metrics import mean_interval
@@ -39,7 +39,7 @@ MAP_SAMPLES = 12_000  # samples drawn in the latent map; more would overlap
 FEWEST = 10  # samples that a square of skin needs before its mean error is drawn
 TOLERANCES_MM = np.linspace(0.25, 4.0, 16)  # tolerances at which success is evaluated
 
-DASHES: Mapping[str, LineStyleType] = {form: "-" if form == RESTING else "--" for form in names.FORM_NAMES}
+DASHES: Mapping[str, LineStyleType] = {form: "-" if form == ADAPTIVE else "--" for form in names.FORM_NAMES}
 
 SCALE = 10.0  # enlargement of the still: the camera's near plane is 5 cm
 SKIN, ELECTRODE, HANDLE = (0.45, 0.49, 0.55, 1.0), (0.9, 0.62, 0.0, 1.0), (0.8, 0.72, 0.6, 1.0)  # rgba
@@ -184,11 +184,11 @@ def _training(models: ModelScores) -> list[Figure]:
     spaces.set(yscale="log", ylim=(None, 5.0))
     second, forward = _panel(f"Forward, {TEST_CHAIN} steps", "steps of training", "NMSE, test split")
     third, inverse = _panel("Inverse", "steps of training", "cosine distance, test split")
-    for model, way in names.DYNAMICS:
-        if way != NO_INVERSE:
-            errors, colour = models.training(f"forward {model}-{way}"), names.INVERSE_COLOURS[way]
-            _line(forward, errors, colour, label=names.dynamics_name(model, way))
-            _line(inverse, models.training(f"direction {way}-{way}"), colour, label=way)
+    for model, loss in names.DYNAMICS:
+        if loss != NO_INVERSE:
+            errors, colour = models.training(f"forward {model}-{loss}"), names.INVERSE_COLOURS[loss]
+            _line(forward, errors, colour, label=names.dynamics_name(model, loss))
+            _line(inverse, models.training(f"direction {loss}-{loss}"), colour, label=loss)
     for axes in (forward, inverse):
         axes.set_ylim(0, None)
     for axes in (spaces, forward, inverse):
@@ -211,8 +211,8 @@ def _forward(models: ModelScores, kind: tuple[str, str]) -> list[Figure]:
         label = quantity if quantity == "NMSE" else f"NMSE {quantity}"
         figure, axes = _panel(f"{names.dynamics_name(*kind)}, {quantity}", "steps of prediction", label)
         for structure, colour in names.STRUCTURE_COLOURS.items():
-            for way, line in ((kind[1], "-"), (NO_INVERSE, "--")):
-                found = [values(kind[0], way, structure, steps) for steps in models.steps]
+            for loss, line in ((kind[1], "-"), (NO_INVERSE, "--")):
+                found = [values(kind[0], loss, structure, steps) for steps in models.steps]
                 _line(axes, pd.DataFrame(found, models.steps), colour, linestyle=line)
             still = [values(*names.STILL, structure, steps).mean() for steps in models.steps]
             axes.plot(models.steps, still, color=colour, linestyle=":", linewidth=1.0)
@@ -284,8 +284,8 @@ def _ways(results: ServoingResults, variant: Variant) -> Figure:
     trials = rows_of(results.loops["trials"], variant).set_index(["seed", "trial"])
     for key, path in rows_of(results.loops["paths"], variant).groupby(["seed", "trial"]):
         row, touching = trials.loc[key], path[path["load_n"] > 0]
-        way = 1e3 * np.stack(skin.coordinates(touching[["x_m", "y_m", "z_m"]].to_numpy(float)))
-        axes.plot(*way, color=names.FORM_COLOURS[variant.form], linewidth=1.0)
+        path = 1e3 * np.stack(skin.coordinates(touching[["x_m", "y_m", "z_m"]].to_numpy(float)))
+        axes.plot(*path, color=names.FORM_COLOURS[variant.form], linewidth=1.0)
         target = BLACK if row["success"] else ORANGE
         for name, mark, colour in (("start", "o", GREY), ("target", "x", target)):
             place = skin.coordinates(row[[f"{name}_{axis}_m" for axis in "xyz"]].to_numpy(float))
@@ -317,7 +317,7 @@ def _progress(results: ServoingResults) -> list[Figure]:
         handles=_patches(names.INVERSE_COLOURS)
         + _lines({line: names.FORM_NAMES[form] for form, line in DASHES.items()})
     )
-    title = "Path length of successes, resting controller"
+    title = "Path length of successes, adaptive controller"
     four, length = _panel(title, "shortest on the skin (mm)", "travelled (mm)")
     reached = rows_of(loops["trials"], names.OURS).query("success")
     longest = 1.05 * reached["path_mm"].max() if len(reached) else 1.0

@@ -37,7 +37,7 @@ from structlearn.core.metrics import matching
 from structlearn.core.params import read_values
 from structlearn.reporting.evidence import UNKNOWN, Evidence, Found, clustered_share, difference
 from structlearn.reporting.findings import Findings
-from structlearn.tactile.electrodes import SKINS, Skin, map_laying
+from structlearn.tactile.electrodes import SKINS, Skin, align_map
 from structlearn.tactile.latent_parameters import FORWARD_OF, JACOBIAN, LOCALLY_LINEAR, NO_INVERSE, STRUCTURES
 from structlearn.tactile.touch_dataset import SPLITS, TEST, TEST_STRIDE, Chains, TouchDataset, chains
 
@@ -199,7 +199,7 @@ class ServoingResults:
         """Latent map (N, 2) in mm, aligned with the surface coordinates."""
         unit_mm = 1e3 * self.chosen["train_latent"].map_unit_m
         flat = unit_mm * self.models.latent_map[["x", "y"]].to_numpy(float)
-        return map_laying(flat, self.places)(flat)
+        return align_map(flat, self.places)(flat)
 
     @cached_property
     def contact_errors(self) -> pd.DataFrame:
@@ -279,8 +279,8 @@ def forward_case(
     forward: str, trained_with: str, structure: bool, steps: int = TEST_CHAIN, column: str = ""
 ) -> str:
     """Name of a forward-NMSE case, e.g. `chain3_pressure_nl_nj_struct`."""
-    way = "" if trained_with == NO_INVERSE else trained_with.lower()
-    return key(f"chain{steps}", column, forward.lower(), way, SPACE_KEYS[structure])
+    loss = "" if trained_with == NO_INVERSE else trained_with.lower()
+    return key(f"chain{steps}", column, forward.lower(), loss, SPACE_KEYS[structure])
 
 
 def key(*words: str) -> str:
@@ -355,9 +355,9 @@ def _prediction(find: Findings, people: People) -> None:
         }
         find.difference(name, pairs)
     with_loss = {
-        dynamics_name(model, way): (forward((model, way), True), forward((model, NO_INVERSE), True))
-        for model, way in DYNAMICS
-        if way != NO_INVERSE
+        dynamics_name(model, loss): (forward((model, loss), True), forward((model, NO_INVERSE), True))
+        for model, loss in DYNAMICS
+        if loss != NO_INVERSE
     }
     find.difference("loss_predicts", with_loss)
     others = {f"{name} minus NJ": (cosines(name), cosines("NJ")) for name in FORWARD_OF if name != "NJ"}

@@ -167,9 +167,9 @@ def skin_table(results: ServoingResults) -> pd.DataFrame:
     latent, directions = results.skin_tables["latent"], results.skin_tables["directions"]
     spaces = latent[latent["structure"] & (latent["split"] == "test")]
     own = directions["structure"] & (directions["inverse"] == directions["trained_with"])
-    asked = directions[own & (directions["comparison"] == "encoder")]
-    asked = asked.assign(key=asked["inverse"] + "_" + asked["part"].map(PART_NAMES))
-    distances = asked.pivot_table("distance", "skin", "key")
+    by_encoder = directions[own & (directions["comparison"] == "encoder")]
+    by_encoder = by_encoder.assign(key=by_encoder["inverse"] + "_" + by_encoder["part"].map(PART_NAMES))
+    distances = by_encoder.pivot_table("distance", "skin", "key")
     columns = [f"{inverse}_{part}" for inverse in FORWARD_OF for part in PART_NAMES.values()]
     errors = spaces.groupby("skin", sort=False)[list(LATENT_NAMES)].mean()
     return errors.join(distances[columns]).rename(index=SKIN_NAMES).reset_index()

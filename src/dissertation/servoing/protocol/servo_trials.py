@@ -1,6 +1,6 @@
 """Closed-loop trials of all controllers, the same random trials for each so that they compare in pairs.
 
-Published controllers are the dissertation's; resting controllers correct their model
+Published controllers are the dissertation's; adaptive controllers correct their model
 (`tactile.servo_controller`). Both read the same electrodes and act at the same rate, which is higher than the
 models' step rate; the dissertation states neither rate for run time.
 """
@@ -46,7 +46,7 @@ from structlearn.tactile.geodesics import geodesics
 from structlearn.tactile.latent_comparison import LatentComparison, learn
 from structlearn.tactile.latent_models import TrainedTouch
 from structlearn.tactile.latent_parameters import GeodesicParameters, LatentParameters
-from structlearn.tactile.servo_controller import ModelTrust, RestingServo, ServoParameters, TactileServo
+from structlearn.tactile.servo_controller import AdaptiveServo, ModelTrust, ServoParameters, TactileServo
 from structlearn.tactile.touch_dataset import TEST_STRIDE, TouchDataParameters, prepare
 
 MOTIONS = ("rotation", "translation", "mixed")  # across the finger, along it, both
@@ -123,7 +123,7 @@ def make_controller(
         spread=0.0 if variant.change == DERIVATIVE else parameters.resting.spread,
         correction=0.0 if variant.change == UNCORRECTED else parameters.resting.correction,
     )
-    return RestingServo(*whole, trust), loop
+    return AdaptiveServo(*whole, trust), loop
 
 
 def _run(

@@ -17,12 +17,13 @@ from structlearn.tactile.latent_parameters import (
     InverseModel,
 )
 
-PUBLISHED, RESTING = "published", "resting"  # forms of the controllers
+PUBLISHED = "published"  # forms of the controllers
+ADAPTIVE = "resting"  # as in the tables of stored studies
 
 AS_DATA = "filter and rate of the data"
 ALL_ALIKE, DERIVATIVE, UNCORRECTED = "all actions alike", "derivative at rest", "model never corrected"
 CHANGES = (AS_DATA, ALL_ALIKE, DERIVATIVE, UNCORRECTED)
-"""Ablations of the resting controller; the first also applies to the published controller."""
+"""Ablations of the adaptive controller; the first also applies to the published controller."""
 
 
 class ToleranceParameters(Parameters):
@@ -41,8 +42,8 @@ class PublishedParameters(Parameters):
     largest_action: float = Field(gt=0)
 
 
-class RestingParameters(Parameters):
-    """Resting controllers, which correct their model (`tactile.servo_controller`)."""
+class AdaptiveParameters(Parameters):
+    """Adaptive controllers, which correct their model (`tactile.servo_controller`)."""
 
     action_penalty: float = Field(gt=0)
     largest_action: float = Field(gt=0)
@@ -64,7 +65,7 @@ class ServoTrialParameters(Parameters):
     loop: LoopParameters
     loop_of_data: LoopParameters
     published: PublishedParameters
-    resting: RestingParameters
+    resting: AdaptiveParameters
     tolerance: ToleranceParameters
     shown: PositiveInt
 
@@ -73,7 +74,7 @@ class ServoTrialParameters(Parameters):
 class Variant:
     """A controller under comparison."""
 
-    form: str  # `PUBLISHED` or `RESTING`
+    form: str  # `PUBLISHED` or `ADAPTIVE`
     inverse: InverseModel
     structure: bool = True  # of its latent space
     with_loss: bool = True  # whether its forward model was trained with the inverse model's loss
@@ -85,20 +86,20 @@ def variants(horizon: int) -> list[Variant]:
     """All controllers under comparison."""
     every = [
         Variant(form, inverse, structure, with_loss)
-        for form in (PUBLISHED, RESTING)
+        for form in (PUBLISHED, ADAPTIVE)
         for structure in STRUCTURES
         for with_loss in (True, False)
         for inverse in FORWARD_OF
     ]
-    further = [Variant(RESTING, inverse, horizon=horizon) for inverse in (LOCALLY_LINEAR, JACOBIAN)]
+    further = [Variant(ADAPTIVE, inverse, horizon=horizon) for inverse in (LOCALLY_LINEAR, JACOBIAN)]
     slow = [Variant(PUBLISHED, inverse, change=AS_DATA) for inverse in FORWARD_OF]
-    without = [Variant(RESTING, "NJ", change=change) for change in CHANGES]
+    without = [Variant(ADAPTIVE, "NJ", change=change) for change in CHANGES]
     return every + further + slow + without
 
 
 def variants_of_other_skins() -> list[Variant]:
     """Controllers that are also compared with other skins."""
-    return [Variant(form, inverse) for form in (PUBLISHED, RESTING) for inverse in FORWARD_OF]
+    return [Variant(form, inverse) for form in (PUBLISHED, ADAPTIVE) for inverse in FORWARD_OF]
 
 
 SkinName = Literal["biotac", "flat_pad", "sphere"]

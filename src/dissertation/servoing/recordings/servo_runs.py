@@ -159,7 +159,7 @@ def _notes(runs: Mapping[str, ServoRun]) -> str:
     return (
         f"# {TITLE}\n\nA simulated finger moves a contact to another position and load ({first['motion']}, "
         f"{first['geodesic_mm']:.1f} mm along the skin). It knows only the target readings. "
-        "Left the published controller, right the resting controller, this project's own; both with "
+        "Left the published controller, right the adaptive controller, this project's own; both with "
         "the network's Jacobian (NJ) of the same trained model."
         f"\n\n{colour_words(colours)}\n\n" + "\n".join(rows) + "\n\nThe latent "
         "state is that of the low-passed electrodes, later than the contact; its position and the true "

@@ -15,7 +15,7 @@ from pydantic import Field
 
 from structlearn.core import quaternion
 from structlearn.core.params import Parameters
-from structlearn.tactile.electrodes import MapLaying, Skin, map_laying
+from structlearn.tactile.electrodes import MapAlignment, Skin, align_map
 from structlearn.viewer.rrd import (
     deviation_colours,
     entity,
@@ -78,14 +78,14 @@ class FlatSkin:
     """A skin in flat pictures, with the latent map aligned to it."""
 
     skin: Skin
-    laying: MapLaying  # alignment of the map, in mm
+    alignment: MapAlignment  # alignment of the map, in mm
     unit_mm: float  # mm per unit of the map
 
     @classmethod
     def fitted(cls, skin: Skin, contact_points: np.ndarray, latent: np.ndarray, map_unit: float) -> Self:
         """Fit to N contact points (N, 3) m and map coordinates (N, 2) in units of `map_unit` m."""
-        laying = map_laying(1e3 * map_unit * latent, flat(skin, contact_points.astype(float)))
-        return cls(skin, laying, 1e3 * map_unit)
+        alignment = align_map(1e3 * map_unit * latent, flat(skin, contact_points.astype(float)))
+        return cls(skin, alignment, 1e3 * map_unit)
 
     def places(self, points: np.ndarray) -> np.ndarray:
         """Flat coordinates (..., 2) mm of points (..., 3) m on the skin."""
@@ -93,7 +93,7 @@ class FlatSkin:
 
     def latent(self, states: np.ndarray) -> np.ndarray:
         """Flat coordinates (..., 2) mm of latent states (..., 3) in the networks' units."""
-        return self.laying(self.unit_mm * states[..., :2])
+        return self.alignment(self.unit_mm * states[..., :2])
 
 
 def full_scale(signals: Sequence[np.ndarray]) -> float:

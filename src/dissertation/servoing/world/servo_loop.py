@@ -162,11 +162,11 @@ def servo(
     pieces = []
     for _ in range(int(duration_s * scene.sample_hz / step)):
         action, memory = controller.act(latent, goal, memory)
-        asked = action.reshape(velocity.shape)
+        commanded = action.reshape(velocity.shape)
         poses, contacts = [], []
         for _ in range(step):
             for _ in range(SAMPLED_EVERY):
-                velocity = asked + keep * (velocity - asked)
+                velocity = commanded + keep * (velocity - commanded)
                 position, orientation = moved(position, orientation, velocity, 1 / scene.robot_hz)
             poses.append((position, orientation))
             contacts.append(touching(position, orientation, scene.handle, scene.finger))

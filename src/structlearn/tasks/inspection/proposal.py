@@ -180,8 +180,10 @@ def _primitives(motion: MotionSurvey | None) -> tuple[int, list[str]]:
     ]
     for place, alike in enumerate(zip(*(motion.counted(name) for name in motion.agreeing), strict=True), 1):
         if alike[0].short:
-            way = max(run.way for run in alike)
-            warnings.append(f"move {place} is of {1e3 * way:.3g} mm at most: idle? then it is one less")
+            path_length = max(run.path_length for run in alike)
+            warnings.append(
+                f"move {place} is of {1e3 * path_length:.3g} mm at most: idle? then it is one less"
+            )
     return motion.number, warnings
 
 

@@ -5,7 +5,7 @@ from shutil import rmtree
 
 from structlearn.core.errors import InputError
 from structlearn.rigid_body.log_fitness import fitness_lines
-from structlearn.tasks.motion.joint_motion import arm_of, learn_motion
+from structlearn.tasks.motion.joint_motion import learn_motion, read_arm
 from structlearn.tasks.motion.parameters import MotionParameters, read_logs
 from structlearn.tasks.task_files import TaskFiles, is_public, leave_out
 
@@ -15,7 +15,7 @@ def learn(files: TaskFiles, folder: Path) -> None:
     parameters = files.entry(MotionParameters)
     logs = read_logs(files.recorded / "logs.parquet", parameters)
     try:
-        robot, urdf = arm_of(parameters)
+        robot, urdf = read_arm(parameters)
         _, tables = learn_motion(robot, logs, parameters, urdf, folder)
         if "fitness" in tables:
             print("Fit to identify the arm from?", *fitness_lines(tables["fitness"]), sep="\n")

@@ -7,6 +7,7 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
+from structlearn.core.metrics import matching
 from structlearn.reporting.document import Table
 from structlearn.reporting.findings import Findings
 from structlearn.reporting.prose import rounded
@@ -19,12 +20,11 @@ from structlearn.tasks.motion.motion_results import (
     RIVALS,
     URDF,
     MotionResults,
-    chosen,
     model_words,
     motion_findings,
     stated,
 )
-from structlearn.tasks.motion.parameters import MotionParameters, read_logs
+from structlearn.tasks.motion.parameters import BLOCK_S, MotionParameters, read_logs
 from structlearn.tasks.section import Section
 from structlearn.tasks.shown_tables import shown
 from structlearn.tasks.task_files import ABSENT, TaskFiles
@@ -86,6 +86,7 @@ def motion_facts(results: MotionResults) -> dict[str, Any]:
         motions = motions[motions["log"].isin([results.train_log, results.tested])]
     facts: dict[str, Any] = {
         "its": results,
+        "block_s": BLOCK_S,
         "chosen": results.parameters,
         "friction": FRICTIONS[results.best[1]],
         "seconds": motions[["learned_s", "tested_s"]].sum(),
@@ -101,7 +102,7 @@ def motion_facts(results: MotionResults) -> dict[str, Any]:
         "base_parameters": int(excitation["parameters"]),
         "unsure": len(results["base"].query("low < 0 < high")),
         "lacks_gravity": [
-            name for word in ("no", "doubtful") for name in chosen(results["gravity"], holds=word)["name"]
+            name for word in ("no", "doubtful") for name in matching(results["gravity"], holds=word)["name"]
         ],
         "networks": [
             f"{model_words(key)} {rounded(results.errors['train'].loc[key].mean(), '.2g')} "
@@ -117,14 +118,14 @@ def motion_facts(results: MotionResults) -> dict[str, Any]:
         facts["substitutes"] = {joint: substitutes[joint] for joint in gains.index[gains["assumed"]]}
         facts["rest_log"] = results.rest_log()
     if results.carried_logs:
-        facts["largest_empty_kg"] = chosen(results["carried"], stage=names.EMPTY)["mass_kg"].abs().max()
+        facts["largest_empty_kg"] = matching(results["carried"], stage=names.EMPTY)["mass_kg"].abs().max()
     return facts
 
 
 def check_findings(tables: Mapping[str, pd.DataFrame]) -> Findings:
     """Findings on logs that are too slow to identify an arm."""
     find, signs = Findings("joints"), {-1: "reversed", 1: "as_recorded"}
-    left = chosen(tables["payload_torques"], payload=True).groupby("sign")["left_n_m"]
+    left = matching(tables["payload_torques"], payload=True).groupby("sign")["left_n_m"]
     payloads = tables["payloads"].set_index("sign")["mass_kg"]
     worst = {word: (left.max()[sign], left.size()[sign]) for sign, word in signs.items()}
     find.exact("torque_left", worst, unit="N m", headline=True)

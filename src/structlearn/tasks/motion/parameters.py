@@ -17,6 +17,8 @@ FOUND, QUOTED = "found", "quoted"  # sets of gains for weighing a load
 ALL_PAIRS = "all pairs"  # load from all pairs of logs together
 CENTRE = [f"centre_{axis}_m" for axis in "xyz"]  # columns of a centre of mass
 
+BLOCK_S = 2.0  # longer than errors are correlated: held out of a single log, and resampled for intervals
+SEED = 0  # of the resampling of blocks
 TEST_EVERY = 4  # of a single log, every fourth block is held out: enough of it to test and to learn from
 LARGEST_CONDITION = 100.0  # of the base parameters; beyond it the motion excites too little (Gautier 1992)
 GRAVITY_SHARE = 0.7  # least share of the URDF's gravity in a torque: masses of URDFs are off by less
@@ -76,9 +78,7 @@ class MotionParameters(SourceParameters):
     train: Log | None
     test: Log | None
     train_share: float | None = Field(gt=0, lt=1)
-    block_s: float = Field(gt=0)
     draws: int = Field(ge=100)
-    seed: NonNegativeInt
     structures: tuple[Literal["nostr", "symm", "spd", "tri", "cov"], ...]
     iterations: int = Field(ge=1)
     joint_weights: Literal["variance", "limit"]
@@ -108,12 +108,12 @@ class MotionParameters(SourceParameters):
     @property
     def block(self) -> int:
         """Block length in samples."""
-        return max(1, round(self.block_s * self.rate_hz))
+        return max(1, round(BLOCK_S * self.rate_hz))
 
     @property
     def drawing(self) -> tuple[int, int, int]:
         """Block length in samples, draws and seed of a bootstrap over blocks."""
-        return self.block, self.draws, self.seed
+        return self.block, self.draws, SEED
 
 
 Entry = MotionParameters

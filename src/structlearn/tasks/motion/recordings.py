@@ -21,10 +21,10 @@ def write(task: MotionParameters, folder: Path, left_out: LeftOut) -> None:
 
 def read(folder: Path, entry: MotionParameters, left_out: LeftOut) -> Sequence[JointLog]:
     """Read joint logs, with the joints of the entry's URDF."""
-    from structlearn.tasks.motion.joint_motion import arm_of  # slow to load
+    from structlearn.tasks.motion.joint_motion import read_arm  # slow to load
 
-    robot, _ = arm_of(entry)
+    robot, _ = read_arm(entry)
     in_urdf, recorded = dict(entry.joints), {name: its for its, name in entry.joints}
-    asked = [recorded.get(name, name) for name in robot.tree.names]
-    logs = read_joint_logs(folder, entry.topic, asked, entry.stamps)
+    joints = [recorded.get(name, name) for name in robot.tree.names]
+    logs = read_joint_logs(folder, entry.topic, joints, entry.stamps)
     return [replace(log, joints=tuple(in_urdf.get(name, name) for name in log.joints)) for log in logs]

@@ -70,10 +70,10 @@ def feedback_section(files: TaskFiles) -> Section | None:
 def response_table(scores: pd.DataFrame) -> Table:
     """Table of scores with displacements in mm and degrees."""
     factors, units = zip(*scores["axis"].map(in_view), strict=True)
-    frame, measures = scores.assign(unit=units), ["asked", "got", "off"]
+    frame, measures = scores.assign(unit=units), ["target", "predicted", "rms"]
     frame[measures] = frame[measures].mul(list(factors), axis=0)
     headings = {"left_out": "left out", "nmse": "NMSE", "learned": "of what is learned from"}
-    headings |= {"off": "rms difference", "unit": ""}
+    headings |= {"rms": "rms difference", "unit": ""}
     return Table(frame, dict.fromkeys(("nmse", *measures), ".2f"), headings)
 
 

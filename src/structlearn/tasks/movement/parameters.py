@@ -11,7 +11,6 @@ from structlearn.feedback.coupling_targets import CorrectionParameters
 from structlearn.feedback.skill_file import SkillParameters
 from structlearn.feedback.trainers import FeedbackNetworkParameters, TrainingParameters
 from structlearn.primitives.fitting import FitParameters
-from structlearn.primitives.sequence import GeneraliseParameters
 from structlearn.readers.source import ClockParameters, JointPose, Setting, SourceParameters, TopicMap
 from structlearn.segmentation.parameters import SegmentParameters
 
@@ -22,8 +21,6 @@ class RestParameters(Parameters):
     """Simulated rests and noise, between which whole movements are to be found."""
 
     noise_mm: tuple[float, ...] = Field(min_length=1)
-    noise_hz: float = Field(gt=0)
-    rest_s: tuple[float, float]
     seeds: int = Field(ge=1)
 
 
@@ -46,9 +43,7 @@ class PhaseCorrectionParameters(Parameters):
     smoothing_hz: float = Field(gt=0)
     kernel_count: int = Field(ge=2, le=200)
     incomplete_m: float = Field(gt=0)
-    learned_share: float = Field(gt=0, lt=1)
     splits: int = Field(ge=1)
-    seed: int = Field(ge=0)
 
 
 # A common value for all joints, or one for each
@@ -107,16 +102,15 @@ class MovementEntry(SourceParameters):
 
     topics: TopicMap | None
     clock: ClockParameters | None
-    given: Name | None
+    presegmented: Name | None
     repeats: Annotated[int, Field(ge=1)] | Literal["auto"]
     segment: TaskSegmentParameters | None
-    keep_doubtful: bool
+    keep_flagged: bool
     rests: RestParameters | None
     fit: FitParameters
     fold: int = Field(ge=1)
     turns: bool
     traces_hz: float | None = Field(gt=0)
-    generalise: GeneraliseParameters
     skill: SkillParameters
     feedback: TaskFeedbackParameters | None
     corrections: PhaseCorrectionParameters | None
@@ -124,16 +118,17 @@ class MovementEntry(SourceParameters):
 
     @model_validator(mode="after")
     def _parts_fit_together(self) -> Self:
-        if self.segment is None and (self.given is None or self.rests is not None):
+        if self.segment is None and (self.presegmented is None or self.rests is not None):
             raise ValueError("needs `segment`: the primitives that recordings are cut into")
-        if self.given is not None and self.repeats != 1:
+        if self.presegmented is not None and self.repeats != 1:
             raise ValueError(
-                f"repeats are looked for only where recordings are cut, not with `given: {self.given}`"
+                "repeats are looked for only where recordings are cut, "
+                f"not with `presegmented: {self.presegmented}`"
             )
-        if self.given in (None, PARTS) and (self.turns or self.corrections is not None):
-            raise ValueError("turns and corrections need `given`: the one primitive in all recordings")
-        if self.given != PARTS and self.traces_hz is not None:
-            raise ValueError(f"traces_hz needs `given: {PARTS}`, the primitives of one execution")
+        if self.presegmented in (None, PARTS) and (self.turns or self.corrections is not None):
+            raise ValueError("turns and corrections need `presegmented`: the one primitive in all recordings")
+        if self.presegmented != PARTS and self.traces_hz is not None:
+            raise ValueError(f"traces_hz needs `presegmented: {PARTS}`, the primitives of one execution")
         if self.feedback is not None and self.segment is not None:
             known = [primitive.name for primitive in self.segment.primitives]
             for name in self.feedback.primitives:

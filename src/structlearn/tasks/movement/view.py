@@ -53,7 +53,7 @@ NOTHING = ""
 def write(files: TaskFiles, folder: Path) -> None:
     """Write recordings of the demonstrations, of the primitives, and of what else was learned."""
     own, runs, primitives = files.entry(MovementEntry), files.runs("demonstrations"), files.primitives()
-    cut = joined(runs) if own.given == PARTS else (runs, files.segmentation())
+    cut = joined_execution(runs) if own.presegmented == PARTS else (runs, files.segmentation())
     title = f"{files.name}: demonstrations"
     write_demonstrations(folder / "demonstrations.rrd", *cut, title, DEMONSTRATED)
     paths = {name: files.table(f"primitives/{name}") for name in ("nominal", "generalised")}
@@ -87,7 +87,7 @@ def write_corrected(
     write_primitives(path, corrected, nominal, tables, title, note, colours=colours)
 
 
-def joined(parts: Sequence[Demonstration]) -> tuple[list[Demonstration], Segmentation]:
+def joined_execution(parts: Sequence[Demonstration]) -> tuple[list[Demonstration], Segmentation]:
     """Join consecutive parts into one demonstration, with their starts and ends as cuts."""
     times, starts = [], [0.0]
     for part in parts:

@@ -8,6 +8,8 @@ import pandas as pd
 from matplotlib.figure import Figure
 from matplotlib.patches import Rectangle
 
+from structlearn.avoidance.look_ahead import AHEAD_M
+from structlearn.avoidance.scene_reaches import ONSET_SHARE
 from structlearn.palette import DEMONSTRATION_COLOUR, GREY, LIGHT_GREY, SCENE_MODELS, Look
 from structlearn.reporting.document import Table
 from structlearn.reporting.evidence import Evidence, clustered_share, mean
@@ -66,6 +68,8 @@ def sections(files: TaskFiles) -> list[Section]:
         "fewest": FEWEST,
         "pairs": len(people),
         "alike": people["same_gaps"].mean(),
+        "ahead_m": AHEAD_M,
+        "onset_share": ONSET_SHARE,
         "chosen": files.entry(ObstacleParameters),
     }
     section = Section(
@@ -163,7 +167,7 @@ def scene_tables(found: SceneWays) -> dict[str, Table]:
 def scene_pictures(found: SceneWays) -> dict[str, list[Drawing]]:
     """Figures by name."""
     paths: list[Drawing] = [paths_panel(found, reach) for reach in found["paths"]["reach"].unique()]
-    pictures: dict[str, list[Drawing]] = {"obstacles_rates": [rates_panel(found), distance_panel(found)]}
+    pictures: dict[str, list[Drawing]] = {"obstacles_rates": [rates_panel(found), path_distance_panel(found)]}
     pictures |= {"obstacles_paths": paths[:FIRST], "obstacles_more_paths": paths[FIRST:]}
     return {name: its for name, its in pictures.items() if its}
 
@@ -206,7 +210,7 @@ def rates_panel(found: SceneWays) -> Figure:
 
 
 @styled
-def distance_panel(found: SceneWays) -> Figure:
+def path_distance_panel(found: SceneWays) -> Figure:
     """Distance from recorded paths: a stroke per person, a dot for the mean; dashed: between two people."""
     figure, axes = panel("Distance from the recorded path", 3.6, xlabel="mean of a person (mm)")
     for place, model in enumerate(found.models):

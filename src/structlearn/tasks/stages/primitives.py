@@ -8,21 +8,29 @@ from structlearn.tasks.movement import movement_learning as learning
 from structlearn.tasks.movement.parameters import PARTS, MovementEntry
 from structlearn.tasks.task_files import TaskFiles, run_for_task, write_tables
 
+# The page also shows the sequence elsewhere, slower, and turned about the vertical
+NEW_SITUATION = sequence.GeneraliseParameters(
+    start_offset_m=(0.02, -0.02, 0.01),
+    goal_offset_m=(-0.02, 0.03, 0.01),
+    goal_turn_deg=10.0,
+    duration_factor=1.5,
+)
+
 
 def main(files: TaskFiles) -> None:
     own, runs = files.entry(MovementEntry), files.runs("demonstrations")
-    cuts = learning.learned_cuts(files.segmentation(), own.keep_doubtful)
+    cuts = learning.learned_cuts(files.segmentation(), own.keep_flagged)
     primitives, dt = learn_sequence(runs, cuts, own.fit), runs[0].dt
     paths = {
         "nominal": sequence.unroll(primitives, dt),
-        "generalised": sequence.generalised(primitives, dt, own.generalise),
+        "generalised": sequence.generalised(primitives, dt, NEW_SITUATION),
     }
     errors = learning.reproduction(runs, cuts, own.fit, own.fold)
     tables = {name: sequence.sequence_table(path, list(cuts)) for name, path in paths.items()}
     tables |= {"reproduction": errors}
     if own.turns:
         tables["turns"] = learning.turns(runs, primitives[0], own.fit)
-    if own.given == PARTS:
+    if own.presegmented == PARTS:
         tables["execution"] = learning.execution_errors(runs, paths["nominal"])
     with publish(files.folder / "primitives") as folder:
         folder.mkdir()

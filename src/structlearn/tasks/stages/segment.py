@@ -9,7 +9,7 @@ from structlearn.tasks.task_files import TaskFiles, run_for_task
 
 def main(files: TaskFiles) -> None:
     own, runs = files.entry(MovementEntry), files.runs("demonstrations")
-    segmentation = segmented(runs, own.given, own.segment)
+    segmentation = segmented(runs, own.presegmented, own.segment)
     found = cut_metrics(runs, segmentation)
     with publish(files.segments) as folder:
         write_segmentation(segmentation, folder)

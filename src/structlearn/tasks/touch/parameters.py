@@ -8,6 +8,8 @@ from structlearn.core.params import Parameters
 from structlearn.readers.source import ClockParameters, SourceParameters, TopicMap
 from structlearn.tactile.latent_parameters import GeodesicParameters, LatentSpaceParameters
 
+DEGREE = 3  # of the polynomial from latent coordinates to place and depth: bends, but no waves
+
 
 class ForceParameters(Parameters):
     """Forces estimated from a skin, learned from presses on a scale."""
@@ -17,7 +19,7 @@ class ForceParameters(Parameters):
     penalties: tuple[PositiveFloat, ...] = Field(min_length=1)
 
 
-class PublishedParameters(Parameters):
+class PublishedErrors(Parameters):
     """Errors published for the end of each run, after training on its start."""
 
     first_share: float = Field(gt=0, lt=1)
@@ -73,12 +75,11 @@ class TouchParameters(SourceParameters):
     tuned_on: tuple[str, ...]
     block_mm: float = Field(gt=0)
     folds: int = Field(ge=2)
-    degree: int = Field(ge=1)
     rival_samples: int = Field(ge=2)
     geodesics: GeodesicParameters
     spaces: LatentSpaceParameters
     force: ForceParameters | None
-    published: PublishedParameters | None
+    published: PublishedErrors | None
     servo: ServoParameters | None
     surfaces: SurfaceParameters | None
 

@@ -15,7 +15,7 @@ from structlearn.primitives.vector import VectorPrimitive, deviation, without_of
 from structlearn.readers.demonstration import Demonstration, read_streams
 from structlearn.tasks.task_files import TaskFiles
 from structlearn.tasks.touch.parameters import SurfaceParameters, TouchParameters
-from structlearn.tasks.touch.surface_traces import on_one_clock, trial_groups
+from structlearn.tasks.touch.surface_traces import slides_on_clock, trial_groups
 from structlearn.tasks.touch.touch_names import SLIDE_GROUPS, material_of, of_pair, shown_map
 from structlearn.viewer.recorded_demonstrations import write_demonstrations
 from structlearn.viewer.rrd import (
@@ -52,7 +52,7 @@ def write(files: TaskFiles, folder: Path) -> None:
     """Write the recording of a skin, or of slides."""
     parameters = files.entry(TouchParameters)
     if parameters.surfaces is not None:
-        trials = on_one_clock(read_streams(files.recorded / "streams.parquet"), parameters.surfaces)
+        trials = slides_on_clock(read_streams(files.recorded / "streams.parquet"), parameters.surfaces)
         expected = read_vector_primitive(files.learned / "expected.safetensors")
         write_slides(folder / "slides.rrd", trials, expected, parameters.surfaces)
     else:
