@@ -23,13 +23,11 @@ entry overrides `structlearn defaults`, for example
 
 import argparse
 import os
-import re
 import shutil
 import subprocess
 import sys
 import tempfile
 from collections.abc import Callable, Sequence
-from importlib.metadata import PackageNotFoundError, requires, version
 from pathlib import Path
 
 import yaml
@@ -53,13 +51,7 @@ def main(words: list[str] | None = None) -> None:
     """Run one of the commands; on invalid input, print one line and exit with code 1."""
     given = _arguments(words)
     sys.path.insert(0, "")  # modules that entries name may be in the project
-
-    def do() -> None:
-        if given.do is not defaults:
-            _require_extra(given.command)
-        given.do(given)
-
-    run(do, stage=False)
+    run(lambda: given.do(given), stage=False)
 
 
 def new(given: argparse.Namespace) -> None:
@@ -198,18 +190,6 @@ def excite(given: argparse.Namespace) -> None:
     design_trajectory(given.task, given.urdf, given.lock)
 
 
-def _require_extra(command: str) -> None:
-    """Raise InputError: of what a lab learns with, something is not installed, as on a robot's computer."""
-    try:
-        for requirement in requires("structlearn") or ():
-            if re.search("extra == .learn", requirement):
-                version(re.split(r"[^\w.-]", requirement)[0])
-    except PackageNotFoundError as error:
-        raise InputError(
-            f"structlearn {command} needs the extra `learn`: pip install 'structlearn[learn]'"
-        ) from error
-
-
 def _dvc(folder: Path, *words: str) -> None:
     """Run DVC with this environment's programs first on the path; exit with its code if it fails.
 
@@ -255,7 +235,7 @@ def _arguments(words: list[str] | None) -> argparse.Namespace:
     def command(name: str, do: Callable[[argparse.Namespace], None]) -> argparse.ArgumentParser:
         words = (do.__doc__ or "").rstrip(".")
         its = commands.add_parser(name, help=words[0].lower() + words[1:], description=words)
-        its.set_defaults(do=do, command=name)
+        its.set_defaults(do=do)
         return its
 
     one = command("new", new)
