@@ -49,18 +49,19 @@ def module_of(name: str) -> str | None:
 
 @cache
 def imported(path: Path) -> frozenset[str]:
-    """Modules of ours that a file imports, at its top or inside its functions.
+    """Modules of ours that a file imports, at its top or inside its functions."""
+    found = {module_of(name) for name in named(ast.walk(ast.parse(path.read_text())))}
+    return frozenset(one for one in found if one is not None)
 
-    All of a package that is imported by itself and has no face: its modules are looked up by name.
-    """
+
+@cache
+def looked_up(path: Path) -> frozenset[str]:
+    """Modules that a file may look up by name: all of a package without a face that it imports by itself."""
     found: set[str] = set()
     for name in named(ast.walk(ast.parse(path.read_text()))):
-        if (module := module_of(name)) is not None:
-            found.add(module)
-            package = modules()[module].parent
-            if module == name and package.name == name.rpartition(".")[2]:
-                looked_up = () if (package / "__init__.pyi").exists() else package.glob("*.py")
-                found |= {f"{module}.{one.stem}" for one in looked_up if one.stem != "__init__"}
+        package = modules()[name].parent if "." in name and name in modules() else None
+        if package and package.name == name.rpartition(".")[2] and not (package / "__init__.pyi").exists():
+            found |= {f"{name}.{one.stem}" for one in package.glob("*.py") if one.stem != "__init__"}
     return frozenset(found)
 
 
@@ -68,11 +69,12 @@ def imported(path: Path) -> frozenset[str]:
 def closure(script: Path) -> frozenset[str]:
     """Modules of ours that a script imports, directly or indirectly."""
     found: set[str] = set()
-    waiting = set(imported(script))
+    waiting = {*imported(script), *looked_up(script)}
     while waiting:
         module = waiting.pop()
         found.add(module)
-        waiting |= imported(modules()[module]) - found
+        path = modules()[module]
+        waiting |= (imported(path) | looked_up(path)) - found
     return frozenset(found)
 
 

@@ -10,6 +10,7 @@ import pandas as pd
 import pytest
 import yaml
 from committed import ROOT, read_yaml
+from import_graph import packages
 
 from dissertation.evidence import study_tables
 from dissertation.evidence.studies import (
@@ -40,6 +41,7 @@ from dissertation.evidence.study_tables import (
     seeds_of,
     write_cell,
 )
+from structlearn.core import code_digests
 from structlearn.core.artefacts import write_csv
 from structlearn.core.errors import InputError
 from structlearn.reporting.document import UNKNOWN_COMMIT, source_commit
@@ -270,11 +272,19 @@ def test_every_study_names_what_is_there_and_nobody_on_whom_constants_were_chose
         changed(parameters, dict.fromkeys(description.seeds, 1) | variant.parameters)
         assert variant.first in description.stages
     upstream = set(made_with(name, description, root))
-    assert {one for one in planned["do"]["params"] if isinstance(one, str)} == upstream
-    assert {f"stages/{testbed}", f"data/code/main/{testbed}", *description.takes} <= set(
-        planned["do"]["deps"]
-    )
-    assert planned["do"]["outs"] == [f"{CELLS}/{name}/${{item}}"]
+    params = {file: set(keys) for one in planned["do"]["params"] for file, keys in one.items()}
+    assert params["../../params.yaml"] == upstream
+    scripts = [root / f"stages/{testbed}/{stage}.py" for stage in description.stages]
+    houses = (code_digests.LIBRARY, study_tables.REPRODUCTION)
+    assert params[".structlearn.yaml"] == {
+        code_digests.code_key(package, house)
+        for package in packages(root / "stages/studies/cell.py", *scripts)
+        for house in houses
+        if package.is_relative_to(house)
+    }
+    taken = {f"../../{path}" for path in description.takes}
+    assert set(planned["do"]["deps"]) == {"cell.py", f"../{testbed}", *taken}
+    assert planned["do"]["outs"] == [{f"../../{CELLS}/{name}/${{item}}": {"cache": False}}]
     population = parameters[POPULATIONS.get(testbed, f"{testbed}_people")]
     seeds = [seed for cell in planned["foreach"] for seed in seeds_of(str(cell))]
     assert len(set(seeds)) == len(seeds)
