@@ -46,7 +46,7 @@ lint: $(INSTALLED)  ## check style and types
 RECORDED := data/recorded
 QUOTED := reports/quoted/recorded
 recorded: $(INSTALLED)  ## run the pipeline on recorded data: make recorded DATA=FOLDER
-	export RECORDED_DATA="$(abspath $(DATA))" $(IN_ENVIRONMENT) && python -m dissertation.recorded.project && cd $(RECORDED) && \
+	export RECORDED_DATA="$(abspath $(DATA))" $(IN_ENVIRONMENT) && python -m dissertation.recorded.sets_project && cd $(RECORDED) && \
 	  targets=$$(python -c "from structlearn.tasks.task_entry import targets; print(*targets())") && \
 	  xargs --max-procs=2 --max-args=32 dvc --wait-for-lock repro --keep-going --single-item <<< "$$targets"
 	$(IN_ENVIRONMENT) dvc repro --quiet scraping_expected_traces

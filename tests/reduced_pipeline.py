@@ -10,7 +10,7 @@ from pathlib import Path
 import yaml
 from committed import merged, read_yaml
 
-from dissertation.recorded.project import FOLDER
+from dissertation.recorded.sets_project import FOLDER
 from structlearn.core.parallel import BACKEND
 from structlearn.tasks.project import ENTRIES
 
@@ -152,7 +152,7 @@ def clone(root: Path, target: Path) -> Path:
 
 def recorded_project(project: Path, source: Path) -> Path:
     """The project of public sets in a clone, on reduced parameters."""
-    command = [sys.executable, "-m", "dissertation.recorded.project"]
+    command = [sys.executable, "-m", "dissertation.recorded.sets_project"]
     variables = environment() | {"RECORDED_DATA": str(source.resolve())}
     subprocess.run(command, cwd=project, env=variables, check=True)
     entries = project / FOLDER / ENTRIES

@@ -13,7 +13,7 @@ from hypothesis import assume, given
 from hypothesis import strategies as st
 from import_graph import SOURCES, packages
 
-from dissertation.recorded import project as recorded
+from dissertation.recorded import sets_project as recorded
 from dissertation.simulation.pick_and_place import takes, write_takes
 from structlearn import __version__, command
 from structlearn.core import code_digests

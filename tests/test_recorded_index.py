@@ -11,8 +11,8 @@ from committed import ROOT, merged, run_stages
 from test_own_demonstrations import QUICK, REACH, write_reach
 
 from dissertation.evidence.claims import claims_table
-from dissertation.recorded import project as project_of_sets
 from dissertation.recorded import recorded_index, set_page
+from dissertation.recorded import sets_project as project_of_sets
 from dissertation.recorded.recorded_index import publish_index, reload_verdicts
 from structlearn.core.errors import InputError
 from structlearn.reporting.document import words_in_view

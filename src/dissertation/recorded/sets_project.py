@@ -21,7 +21,7 @@ from structlearn.tasks.task_files import local_path
 FOLDER = Path("data/recorded")
 SETS, STAGES = (Path(__file__).with_name(name) for name in ("public.yaml", "pipeline.yaml"))
 CODE = code_digests.CODE.name  # a stage's parameters in it are the code that it uses
-HEADER = "# Written by `python -m dissertation.recorded.project`.\n"
+HEADER = "# Written by `python -m dissertation.recorded.sets_project`.\n"
 
 
 def main() -> None:
