@@ -24,6 +24,7 @@ FLOORS = {
         ("reporting", "viewer"),
         ("tasks", "verify"),
         ("command",),
+        ("__main__",),
     ),
     REPRODUCTION: (
         ("simulation", "evidence"),
