@@ -36,7 +36,6 @@ from conftest import two_move_demonstration
 from feedback_toy import toy_dataset
 from reporting_scraping import PARAMETERS as CUTTING
 from rigid_body_robots import arm, motion_with_friction, sine_motion
-from structlearn.tasks.motion.motion_parameters import LEARNED, NetworkChoiceParameters
 from tactile_toy import toy_dataset as toy_touches
 from tactile_toy import toy_geodesics
 from test_obstacles_models import PARAMETERS as AVOIDANCE
@@ -56,6 +55,7 @@ from dissertation.obstacles.protocol import avoidance_fits, avoidance_scores
 from dissertation.obstacles.world.reaching_person import AvoiderParameters
 from dissertation.obstacles.world.scenarios import SceneParameters, scenarios
 from dissertation.recorded.coupling import learning as coupling_representations
+from dissertation.recorded.parts import learning as torque_parts
 from dissertation.recorded.transfer import learning as touch_transfer
 from dissertation.scraping.files import read_datasets
 from dissertation.scraping.protocol import feedback_models
@@ -99,8 +99,9 @@ from structlearn.tactile import latent_comparison
 from structlearn.tactile.latent_parameters import LatentParameters
 from structlearn.tactile.pressed_skin import PressedSkin, held_out
 from structlearn.tactile.touch_dataset import TRAIN
-from structlearn.tasks.motion import joint_motion, torque_parts
+from structlearn.tasks.motion import joint_motion
 from structlearn.tasks.motion.joint_motion import choose_networks, learn_motion
+from structlearn.tasks.motion.parameters import LEARNED, NetworkChoiceParameters
 from structlearn.tasks.movement import feedback_learning
 from structlearn.tasks.movement.movement_learning import segmented
 from structlearn.tasks.movement.parameters import TaskFeedbackParameters
@@ -123,7 +124,6 @@ HOLDS_NOTHING_OUT = {
     "obstacles/evaluate",
     "measures statistics or times": "recorded/calibrate scraping/time_controller",
     "traces of all runs that it is given; the further ones go to other files": "scraping/expected_traces",
-    "has its own test beside its models, test_torque_parts": "recorded/parts",
     "makes samples, each of one demonstration": "scraping/coupling_dataset servoing/touch_dataset",
     "searches by trial, on rollouts of its own": "scraping/compare_search",
     "distances between all places that were touched, those of the test among them": "servoing/geodesics",
@@ -131,22 +131,25 @@ HOLDS_NOTHING_OUT = {
 """Why stages have no case."""
 
 FITS_ALL = {
-    "call those that have a case": "touch_transfer.compare_sets "
-    "avoidance_fits._errors fitting.learn_sequence fitting.cross_validation",
+    "call those that have a case": "transfer.compare_sets motion.learn touch.learn obstacles.learn "
+    "parts.learn avoidance_fits._errors fitting.learn_sequence fitting.cross_validation "
+    "autoencoded.train pca.train pca.train_on_codes",
     "what is compared with itself": "movement_learning.reproduction movement_learning.turns "
     "drives_and_load.payload_check touch_calibration.variance_shares trainings._once_through",
     "traces of all runs that are given": "feedback_learning.learn_feedback movement_learning.learn_traces",
+    "searches by rollouts": "sample_efficiency._advance",
     "call the training of `train_latent` for another skin": "servo_trials.learn_other_skin",
 }
 """Why functions that fit have no case."""
 
 LEARNERS = (
-    r"_?(fit|learn|train)(_\w+)?|\w*[Ll]earner|lstsq|least_squares|svd|PCA|polynomial|\w+_process|own_units"
+    r"_?(fit|learn|train)(_\w+)?|\w*[Ll]earner|\w+_trainer|lstsq|least_squares|svd|PCA|polynomial"
+    r"|\w+_process|own_units"
 )
 SEPARATES = r"held_out|left_out|leave_one_out|TRAIN|[Ff]olds?|judged"
 """Names of what fits, and names in modules of methods that hold something out."""
 
-DRAWS = r"page|recordings|world|simulation|reporting|viewer|\w+_(section|view|figures)"
+DRAWS = r"stages|page|recordings|world|simulation|reporting|viewer|\w+_(section|view|figures)"
 """Packages and modules that fit nothing, or show or simulate it."""
 
 SHOWS = ("report", "view", "loop", "make_example")
@@ -282,7 +285,7 @@ def two_at_a_time(monkeypatch, tmp_path):
 def corrections(monkeypatch, tmp_path):
     arcs = test_movement_phase_corrections
     nominal = fit_position([differentiated(higher()[0].position, 0.004, 20.0)])
-    learned, left_out = _split(len(higher()), arcs.PARAMETERS, 0)
+    learned, left_out = _split(len(higher()), 0)
 
     def learn(demonstrations):
         found = corrected_runs(demonstrations, nominal, 20.0)
@@ -352,7 +355,7 @@ def corrected(dataset: CouplingDataset, rows: np.ndarray) -> CouplingDataset:
 
 @of_stage(
     "scraping/train_feedback",
-    fits="coupling_model.train_final supervised_training.train_stack feedback_models._trained",
+    fits="trainers.train_final supervised_training.train_stack feedback_models._trained",
 )
 def final_feedback(monkeypatch, tmp_path):
     """By the model's own split: samples that test, and settings that nobody learns from."""
@@ -539,7 +542,7 @@ def avoidance(monkeypatch, tmp_path):
     return Case(learn, data, tested, with_wobbling(data, ~held, "target"))
 
 
-@of_stage("recorded/coupling", fits="coupling_representations._fitted coupling_representations._ridge")
+@of_stage("recorded/coupling", fits="coupling._fitted coupling._ridge")
 def coupling_of_samples(monkeypatch, tmp_path):
     """Every representation on the second block."""
     network = {"hidden": (4,), "members": 2, "training": {"iterations": 2}}
@@ -729,19 +732,19 @@ def settings_of_networks(monkeypatch, tmp_path):
     return Case(learn, data, pushed(data, slice(50, None)), pushed(data, slice(0, 1)))
 
 
-@of_stage("tasks/motion", fits="torque_parts.learn_parts torque_parts.learned_networks")
+@of_stage("recorded/parts", fits="parts.learn_parts parts.learned_networks")
 def parts_of_torques(monkeypatch, tmp_path):
     """Networks and planar arms, of the authors' choice of logs and of a random one."""
     toy = test_torque_parts
     quick = {"left_out": ("p",), "seeds": 2, "splits": 2, "epochs": 1, "batch": 64}
     quick |= {"hidden": {"mlp": (4,), "delan": (4,)}}
     quick["published"] = dict.fromkeys(("torque", "coriolis", "inertial", "gravity", "power"), 1e-3)
-    parameters = committed_entry("delan_characters", parts=quick).parts
+    parameters = committed_entry("delan_characters", **quick)
     data = {name: toy.log(name, seed) for seed, name in enumerate("pqr")}
-    (*_, (left_out,)), names = torque_parts.held_out(list(data), parameters)[2], iter(range(99))
+    (*_, (left_out,)) = torque_parts.characters_left_out(list(data), parameters)[2]
 
     def run(logs):
-        return torque_parts.learn_parts(logs, parameters, 5, tmp_path / str(next(names)))
+        return torque_parts.learn_parts(logs, parameters)
 
     changed = {
         name: data | {name: with_wobbling(its, slice(None), "positions", "torques")}
@@ -798,7 +801,7 @@ def latent_spaces(monkeypatch, tmp_path):
 
 @of_stage(
     "recorded/transfer",
-    fits="touch_transfer._errors latent_training.learn_spaces latent_training.learn_from",
+    fits="transfer._errors latent_training.learn_spaces latent_training.learn_from",
 )
 def recorded_touch(monkeypatch, tmp_path):
     """What was learned of two slides while the two others were left out, and its units."""
@@ -1058,7 +1061,8 @@ def fitting_functions() -> set[str]:
             or any(re.fullmatch(SEPARATES, word) for word in words)
         ):
             functions = (node for node in tree.body if isinstance(node, ast.FunctionDef))
-            found |= {f"{parts[-1]}.{one.name}" for one in functions if any(map(fits, ast.walk(one)))}
+            place = parts[-2] if parts[-1] == "learning" else parts[-1]  # of a kind of tasks
+            found |= {f"{place}.{one.name}" for one in functions if any(map(fits, ast.walk(one)))}
     return found
 
 
