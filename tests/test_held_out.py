@@ -285,7 +285,7 @@ def two_at_a_time(monkeypatch, tmp_path):
 def corrections(monkeypatch, tmp_path):
     arcs = test_movement_phase_corrections
     nominal = fit_position([differentiated(higher()[0].position, 0.004, 20.0)])
-    learned, left_out = _split(len(higher()), arcs.PARAMETERS, 0)
+    learned, left_out = _split(len(higher()), 0)
 
     def learn(demonstrations):
         found = corrected_runs(demonstrations, nominal, 20.0)
@@ -741,7 +741,7 @@ def parts_of_torques(monkeypatch, tmp_path):
     quick["published"] = dict.fromkeys(("torque", "coriolis", "inertial", "gravity", "power"), 1e-3)
     parameters = committed_entry("delan_characters", **quick)
     data = {name: toy.log(name, seed) for seed, name in enumerate("pqr")}
-    (*_, (left_out,)) = torque_parts.held_out(list(data), parameters)[2]
+    (*_, (left_out,)) = torque_parts.characters_left_out(list(data), parameters)[2]
 
     def run(logs):
         return torque_parts.learn_parts(logs, parameters)
