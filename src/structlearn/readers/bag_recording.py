@@ -9,13 +9,13 @@ import numpy as np
 
 from structlearn.core.errors import InputError
 from structlearn.core.reading import require_file
-from structlearn.readers.bag import Bag, RawMessages, damage_named, read_bags, write_bag
-from structlearn.readers.cdr import short_name
 from structlearn.readers.clock import MAX_GAP_S, check_recording, synchronise
 from structlearn.readers.computed_pose import joint_pose, transform_pose
+from structlearn.readers.decoded_messages import short_name
 from structlearn.readers.demonstration import JOINT_KINDS, Demonstration, NamedShape, Recording, Stream
-from structlearn.readers.joint_log import JointLog, JointSeries, chosen, joint_series
-from structlearn.readers.messages import (
+from structlearn.readers.joint_log import JointLog
+from structlearn.readers.joint_streams import JointSeries, chosen, joint_series
+from structlearn.readers.message_streams import (
     READERS,
     joint_messages,
     shapes_message,
@@ -23,19 +23,10 @@ from structlearn.readers.messages import (
     to_shapes,
     to_stream,
 )
-from structlearn.readers.source import (
-    AS_WRITTEN,
-    MAX_FINGERS,
-    OWN_TOPICS,
-    JointPose,
-    RecordingFile,
-    Role,
-    StampPolicy,
-    TopicMap,
-    as_recording_file,
-    check_names,
-    recording_files,
-)
+from structlearn.readers.raw_messages import Bag, RawMessages, damage_named, read_bags, write_bag
+from structlearn.readers.source_files import RecordingFile, as_recording_file, check_names, recording_files
+from structlearn.readers.source_parameters import AS_WRITTEN, StampPolicy
+from structlearn.readers.topics import MAX_FINGERS, OWN_TOPICS, JointPose, Role, TopicMap
 from structlearn.readers.user_tables import read_pose_table, read_shapes, shape_file
 
 JOINT_STATES = "/joint_states"  # default topic of drivers
@@ -92,7 +83,7 @@ def to_metadata(recording: Recording) -> dict[str, str]:
 def read_recording(
     file: str | Path | RecordingFile, topics: TopicMap = OWN_TOPICS, stamps: StampPolicy = AS_WRITTEN
 ) -> Recording:
-    """Read a recording from a file of any format (`source`); see `messages` for the supported types.
+    """Read a recording from a file of any format (`source_files`); `message_streams` lists the types.
 
     Returns:
         The recording, named after the file's stem, with streams in the order of the topic map. A file without
@@ -134,14 +125,14 @@ def read_demonstrations(
     """Read demonstrations, each on a uniform clock (`clock.synchronise`), in natural order of their names.
 
     Args:
-        source: see `source.recording_files`.
+        source: see `source_files.recording_files`.
         topics: topics of the signals.
         rate_hz: sampling rate of all demonstrations; None: the median rate of each pose stream.
         max_gap_s: longest gap in s that is bridged by interpolation.
         stamps: which stamps are used, and how disorder is handled.
 
     Raises:
-        InputError: the source fails `source.recording_files`, or a recording `read_recording` or
+        InputError: the source fails `source_files.recording_files`, or a recording `read_recording` or
             `synchronise`; the message names it.
     """
     found = []
@@ -200,7 +191,7 @@ def read_joint_logs(
     joints: Sequence[str] | None = None,
     stamps: StampPolicy = AS_WRITTEN,
 ) -> list[JointLog]:
-    """Read the logs of a source (`source.recording_files`), in natural order of their names."""
+    """Read the logs of a source (`source_files.recording_files`), in natural order of their names."""
     return [read_joint_log(file, topic, joints, stamps) for file in recording_files(source)]
 
 

@@ -21,13 +21,14 @@ from structlearn.core import quaternion
 from structlearn.core.errors import InputError
 from structlearn.core.params import home_path
 from structlearn.core.reading import require_file
-from structlearn.readers.bag import RawMessages
-from structlearn.readers.cdr import decoded
 from structlearn.readers.clock import NORM_TOLERANCE, in_order, linear, shared_stamps, slerp
+from structlearn.readers.decoded_messages import decoded
 from structlearn.readers.demonstration import Stream
-from structlearn.readers.joint_log import MOST_JOINTS, JointSeries
-from structlearn.readers.messages import fields_named, nanoseconds, numbers
-from structlearn.readers.source import JointPose, StampPolicy, TransformPose
+from structlearn.readers.joint_streams import MOST_JOINTS, JointSeries
+from structlearn.readers.message_streams import fields_named, nanoseconds, numbers
+from structlearn.readers.raw_messages import RawMessages
+from structlearn.readers.source_parameters import StampPolicy
+from structlearn.readers.topics import JointPose, TransformPose
 
 Edge = tuple[str, str]  # parent and child frame
 

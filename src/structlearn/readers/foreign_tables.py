@@ -80,7 +80,7 @@ def read_text(path: Path) -> str:
         raise InputError(f"{path}: not a text file") from error
 
 
-def read_table(
+def read_text_table(
     path: str | Path, columns: int, separator: str | None = None, header_lines: int = 0
 ) -> np.ndarray:
     """(T, columns) float64 of a text file; separator None: whitespace. Blank lines are skipped."""
@@ -93,7 +93,7 @@ def read_stamped_table(
     """A table with times in s in the first column: (T,) int64 ns, and (T, columns - 1) float64.
 
     Times are parsed as decimal numbers, since float64 resolves Unix time in s to 240 ns only. Otherwise as
-    `read_table`.
+    `read_text_table`.
     """
     lines = _lines(path, separator, header_lines)
     stamps = [
@@ -127,7 +127,7 @@ def read_parquet(path: Path, needed: Sequence[str] | None = None) -> pd.DataFram
         if missing := [name for name in names if name not in schema.names]:
             raise InputError(f"{path}: has no column {', '.join(missing)}; it has {', '.join(schema.names)}")
         if len(set(schema.names)) < len(schema.names):
-            raise InputError(f"{path}: a column stands twice among {', '.join(schema.names)}")
+            raise InputError(f"{path}: a column is defined twice among {', '.join(schema.names)}")
         words = [one.name for one in schema if one.type in (pyarrow.string(), pyarrow.binary())]
         with pyarrow.parquet.ParquetFile(
             path, page_checksum_verification=True, read_dictionary=words

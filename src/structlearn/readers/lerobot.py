@@ -21,8 +21,8 @@ from structlearn.readers.clock import check_recording
 from structlearn.readers.computed_pose import joint_pose
 from structlearn.readers.demonstration import Kind, Recording, Stream
 from structlearn.readers.foreign_tables import read_parquet, read_text
-from structlearn.readers.joint_log import JointSeries
-from structlearn.readers.source import JointPose
+from structlearn.readers.joint_streams import JointSeries
+from structlearn.readers.topics import JointPose
 
 VERSION = "v3."
 POSE = ("x", "y", "z", "qw", "qx", "qy", "qz")

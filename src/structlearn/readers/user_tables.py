@@ -34,7 +34,6 @@ import pandas as pd
 from structlearn.core import quaternion
 from structlearn.core.artefacts import read_csv
 from structlearn.core.errors import InputError
-from structlearn.readers.bag import Bag
 from structlearn.readers.clock import NORM_TOLERANCE
 from structlearn.readers.demonstration import (
     FORMS,
@@ -53,8 +52,9 @@ from structlearn.readers.foreign_tables import (
     read_stamped_table,
     read_text,
 )
-from structlearn.readers.messages import FIELDS, LAST_STAMP, joint_messages, to_messages
-from structlearn.readers.source import METADATA, SHAPE_FILE
+from structlearn.readers.message_streams import FIELDS, LAST_STAMP, joint_messages, to_messages
+from structlearn.readers.raw_messages import Bag
+from structlearn.readers.source_files import METADATA, SHAPE_FILE
 
 # Topics of a table of poses as a bag, as far as it has their columns
 TABLE_TOPICS = {"pose": "/pose", "wrench": "/wrench", "joint_states": "/joint_states"}
@@ -63,12 +63,12 @@ TIME, POSITION = "time_s", ("x", "y", "z")
 ORIENTATION = ("qw", "qx", "qy", "qz")
 WRENCH = ("fx", "fy", "fz", "tx", "ty", "tz")
 SIZE = ("sx", "sy", "sz")
-UNDERSTOOD = ", ".join((*POSITION, *ORIENTATION, *WRENCH, *(f"{field}.NAME" for field in FIELDS.values())))
-UNDERSTOOD = f"columns may be {UNDERSTOOD}, comma-separated"
+_NAMES = (*POSITION, *ORIENTATION, *WRENCH, *(f"{field}.NAME" for field in FIELDS.values()))
+UNDERSTOOD = f"columns may be {', '.join(_NAMES)}, comma-separated"
 MOST_COLUMNS = 1000
 
-PLACE, FORCE, RUN = ("x_m", "y_m", "z_m"), "force_n", "run"
-UNITS = {TIME: "s", FORCE: "N"} | dict.fromkeys(PLACE, "m")
+PLACE, FORCE, RECORDING = ("x_m", "y_m", "z_m"), "force_n", "run"
+TOUCH_UNITS = {TIME: "s", FORCE: "N"} | dict.fromkeys(PLACE, "m")
 """Units of the columns that a table of touches may have besides channels."""
 
 
@@ -230,14 +230,14 @@ def write_touch_logs(logs: Sequence[TouchLog], target: str | Path) -> None:
             columns |= dict(zip(PLACE, log.place.T, strict=True))
         columns |= dict(zip(log.channels, log.counts.T, strict=True))
         series.append(Series(log.name, columns, log.provenance))
-    write_series(series, UNITS | {name: "counts" for log in logs for name in log.channels}, target)
+    write_series(series, TOUCH_UNITS | {name: "counts" for log in logs for name in log.channels}, target)
 
 
 def read_touch_logs(path: str | Path) -> list[TouchLog]:
     """Read the table of `write_touch_logs`."""
     logs = []
     for one in read_series(path):
-        channels = tuple(name for name in one.columns if name not in UNITS)
+        channels = tuple(name for name in one.columns if name not in TOUCH_UNITS)
         place = one.stacked(PLACE) if PLACE[-1] in one.columns else None
         time, force = one.columns.get(TIME), one.columns.get(FORCE)
         logs.append(TouchLog(one.name, channels, one.stacked(channels), place, time, force, dict(one.about)))
@@ -250,7 +250,7 @@ def read_touch_table(path: Path, channels: Sequence[str] | None) -> list[TouchLo
     Raises InputError naming file, row (from 0) and column.
     """
     table = read_csv(path) if path.suffix == ".csv" else read_parquet(path)
-    own = tuple(name for name in table.columns if name not in (*UNITS, RUN))
+    own = tuple(name for name in table.columns if name not in (*TOUCH_UNITS, RECORDING))
     names = own if channels is None else tuple(channels)
     if missing := [name for name in names if name not in table.columns]:
         raise InputError(
@@ -266,10 +266,11 @@ def read_touch_table(path: Path, channels: Sequence[str] | None) -> list[TouchLo
     if not missing and PLACE[2] not in table.columns:
         table[PLACE[2]] = 0.0
     logs = []
-    for name, its in table.groupby(RUN, observed=True) if RUN in table.columns else [(path.stem, table)]:
-        place = None if missing else its[list(PLACE)].to_numpy(float)
-        time, force = (its[key].to_numpy(float) if key in its.columns else None for key in (TIME, FORCE))
-        logs.append(TouchLog(str(name), names, its[list(names)].to_numpy(float), place, time, force))
+    several = RECORDING in table.columns
+    for name, rows in table.groupby(RECORDING, observed=True) if several else [(path.stem, table)]:
+        place = None if missing else rows[list(PLACE)].to_numpy(float)
+        time, force = (rows[key].to_numpy(float) if key in rows.columns else None for key in (TIME, FORCE))
+        logs.append(TouchLog(str(name), names, rows[list(names)].to_numpy(float), place, time, force))
     return logs
 
 

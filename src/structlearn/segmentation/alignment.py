@@ -15,7 +15,6 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from structlearn.core.errors import InputError
 from structlearn.segmentation.crossings import Crossing
 from structlearn.segmentation.dtw import correspondences
 from structlearn.segmentation.parameters import SegmentParameters
@@ -56,19 +55,19 @@ def least_squares(pairs: np.ndarray, weights: np.ndarray | None = None) -> Align
     """Time scale and delay that fit the pairs best (eq. IV.16 and IV.17; IV.18 with weights).
 
     `pairs`: (K, 2) corresponding times in samples: reference, guess. `weights`: (K,); None: all equal. Raises
-    InputError: fewer than two different reference times have weight, or time would run backwards.
+    ValueError: fewer than two different reference times have weight, or time would run backwards.
     """
     weights = np.ones(len(pairs)) if weights is None else weights
     used = weights > 0.0
     if not used.any() or np.ptp(pairs[used, 0]) == 0:
-        raise InputError(f"only {int(used.sum())} correspondence pairs are left to align it")
+        raise ValueError(f"only {int(used.sum())} correspondence pairs are left to align it")
     reference, guess = pairs[used].astype(float).T
     share = weights[used] / weights[used].sum()
     centre_reference, centre_guess = share @ reference, share @ guess  # centred for good conditioning
     deviation = reference - centre_reference
     time_scale = (share * deviation) @ (guess - centre_guess) / ((share * deviation) @ deviation)
     if time_scale <= 0.0:
-        raise InputError("its correspondence pairs run backwards in time")
+        raise ValueError("its correspondence pairs run backwards in time")
     return Alignment(float(time_scale), float(centre_guess - time_scale * centre_reference))
 
 
@@ -132,7 +131,7 @@ class Refined:
 
 
 def refine(reference: Movement, own: Movement, parameters: SegmentParameters) -> Refined:
-    """Lines 11 to 24 of algorithm IV.1 for one primitive. Raises InputError: too few samples correspond."""
+    """Lines 11 to 24 of algorithm IV.1 for one primitive. Raises ValueError: too few samples correspond."""
     extension = round(parameters.extension_s / reference.dt)
     g = parameters.downsampling
     # Times count from the start of the demonstrations, so the extension need not be subtracted again.
@@ -166,13 +165,13 @@ OFF_SHAPE = 0.5
 """Largest mean distance of the aligned movement from the reference's, each centred and divided by its RMS
 distance from the mean, so that a different amplitude is not a different shape."""
 
-UNLIKE = 1.0
+MOST_MISMATCH = 1.0
 """Largest cost of a chosen run of motion (`run_assignment`); 2.7 times the reference's duration costs 1."""
 
-LEFT_OUT = 0.25
+MOST_UNASSIGNED = 0.25
 """Longest path of motion outside all primitives, relative to a mean primitive; ignored motion is shorter."""
 
-RESTED_S = 0.35
+MOST_PAUSED_S = 0.35
 """Longest pauses within a primitive, in total; a pause between primitives is longer."""
 
 
@@ -194,10 +193,10 @@ def cut_warnings(
 def _evidence(one: Refined, reference: bool) -> Iterator[tuple[str, float, float]]:
     """(reason, number, bound) for the choice of runs and for the alignment with the reference."""
     own, crossing = one.own.crossing, one.reference.crossing
-    yield "its duration, way or direction is unlike the reference's (cost)", own.unlike, UNLIKE
-    yield "motion before it belongs to no primitive (ways of a primitive)", own.left_out[0], LEFT_OUT
-    yield "motion after it belongs to no primitive (ways of a primitive)", own.left_out[1], LEFT_OUT
-    yield "a rest within it was taken for a hesitation (s)", own.rested, RESTED_S
+    yield "its duration, way or direction is unlike the reference's (cost)", own.mismatch, MOST_MISMATCH
+    yield "motion before it belongs to no primitive (ways of a primitive)", own.unassigned[0], MOST_UNASSIGNED
+    yield "motion after it belongs to no primitive (ways of a primitive)", own.unassigned[1], MOST_UNASSIGNED
+    yield "a rest within it was taken for a hesitation (s)", own.paused_s, MOST_PAUSED_S
     if reference:
         return
     duration = max(crossing.end - crossing.start, 1)

@@ -31,10 +31,10 @@ class Crossing:
     latest: int
     start_known: bool = False  # given by an event instead of a speed, so not refined
     end_known: bool = False
-    unlike: float = 0.0  # dissimilarity from the reference's primitive (`run_assignment`); 0 without a choice
+    mismatch: float = 0.0  # with the reference's primitive (`run_assignment`); 0 without a choice
     # path of unassigned motion before it, and after it if it is the last, relative to a mean primitive
-    left_out: tuple[float, float] = (0.0, 0.0)
-    rested: float = 0.0  # s of dips within it that count as hesitations
+    unassigned: tuple[float, float] = (0.0, 0.0)
+    paused_s: float = 0.0  # s of dips within it that count as hesitations
 
 
 Crossings = Mapping[str, Crossing]  # by name of the primitives that have an axis
@@ -97,7 +97,7 @@ def _largest(demonstration: Demonstration, parameters: SegmentParameters) -> Cro
             start, end = moving_interval(
                 motion.smooth_speed, motion.speed, primitive.threshold_m_s, bridge, first
             )
-        except InputError as error:
+        except ValueError as error:
             raise InputError(f"{demonstration.name}: primitive '{primitive.name}': {error}") from error
         found[primitive.name] = Crossing(start, end, 0, last)
         first = end
@@ -161,7 +161,7 @@ def _candidates(
     }
     breaks = sorted({int(sample) for ends in events.values() for sample in ends})
     before = {one.name: previous.name for previous, one in pairwise(parameters.primitives)}
-    found: dict[tuple, Candidates] = {}  # shared by primitives of the same axis, threshold and events
+    found: dict[tuple[object, ...], Candidates] = {}  # shared: same axis, threshold and events
     rows = []
     for primitive in primitives:
         previous = before.get(primitive.name, "")
@@ -181,10 +181,10 @@ def _placed(
     """Crossings of the chosen candidates of a demonstration."""
     found: dict[str, Crossing] = {}
     event, before = None, 0
-    *left_out, after = chosen.left_out.tolist()
+    *unassigned, after = chosen.unassigned.tolist()
     for place, (primitive, one, at) in enumerate(zip(primitives, candidates, chosen.chain, strict=True)):
         start, end = max(before, int(one.first[at])), int(one.last[at])
-        runs = one.runs[np.diff(one.travelled[one.runs])[:, 0] > motion_runs.MOVED * one.way[at]]
+        runs = one.runs[np.diff(one.travelled[one.runs])[:, 0] > motion_runs.MOVED * one.path_length[at]]
         earlier, later = runs[runs[:, 1] < start, 1], runs[runs[:, 0] > end, 0]
         found[primitive.name] = Crossing(
             start,
@@ -193,9 +193,9 @@ def _placed(
             int(later[0]) if len(later) else len(one.path) - 1,
             start_known=start == event,
             end_known=primitive.until is not None,
-            unlike=float(chosen.costs[place]),
-            left_out=(left_out[place], after if place == len(primitives) - 1 else 0.0),
-            rested=float(one.rested[at]),
+            mismatch=float(chosen.costs[place]),
+            unassigned=(unassigned[place], after if place == len(primitives) - 1 else 0.0),
+            paused_s=float(one.paused_s[at]),
         )
         event, before = end if primitive.until is not None else None, end
     return found
@@ -205,7 +205,7 @@ def _missing(
     demonstration: Demonstration,
     primitives: Sequence[PrimitiveParameters],
     candidates: Sequence[Candidates],
-    unlike: np.ndarray | None,
+    mismatch: np.ndarray | None,
     paces: Mapping[Axis, float],
 ) -> InputError:
     """Error that says why a demonstration cannot be cut: its runs, and the thresholds tried."""
@@ -213,13 +213,13 @@ def _missing(
         if primitive.until is not None and len(one.runs) and len(one.first) == 0:
             what = f"{primitive.until.signal} never comes to {primitive.until} after its motion"
             return InputError(f"{demonstration.name}: primitive '{primitive.name}': {what}")
-    place = 0 if unlike is None else int(np.argmax(unlike))
+    place = 0 if mismatch is None else int(np.argmax(mismatch))
     primitive, one = primitives[place], candidates[place]
     lowest, *others = [f"{threshold:.3g}" for threshold in _thresholds(primitive, paces)]
     unit, dt = "rad/s" if primitive.axis == "rot" else "m/s", demonstration.dt
     runs = ", ".join(f"{dt * first:.2f}-{dt * last:.2f}" for first, last in one.runs)
     what = f"none is like '{primitive.name}' in the other demonstrations"
-    if unlike is None:
+    if mismatch is None:
         what = f"they cannot be {', '.join(primitive.name for primitive in primitives)} in this order"
     for until in (primitive.until for primitive in primitives if primitive.until is not None):
         times = ", ".join(f"{dt * at:.2f}" for at in motion_runs.events(demonstration, until))

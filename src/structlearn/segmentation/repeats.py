@@ -16,26 +16,26 @@ from structlearn.readers.demonstration import SIGNAL_UNITS, Demonstration
 from structlearn.segmentation import motion_runs
 from structlearn.segmentation.motion_runs import MOVED, Candidates, Motion, Search
 from structlearn.segmentation.parameters import BETWEEN, SegmentParameters
-from structlearn.segmentation.run_assignment import LEFT_OUT, RESTED, Pattern, unlike
+from structlearn.segmentation.run_assignment import PAUSE_PRICE, UNASSIGNED_PRICE, Pattern, mismatch
 
-PATTERNS = 300
+SEQUENCES = 300
 """Number of sequences tried as the pattern; the work grows with it."""
 
 COVERED = 0.4
 """Least share of the path that repeats cover; for a task of a single move there, half is the way back."""
 
-REST_S = 1.0
+LONGEST_REST_S = 1.0
 """Longest rest kept before and after a repeat."""
 
-COLUMNS = ["recording", "demonstration", "start_s", "end_s", "unlike"]
+REPEAT_COLUMNS = ["recording", "demonstration", "start_s", "end_s", "unlike"]
 """Recording, name of the repeat as a demonstration, its place in the recording, and its dissimilarity from
-the pattern (`run_assignment.unlike`, mean over its moves)."""
+the pattern (`run_assignment.mismatch`, mean over its moves)."""
 
 
 def split(
     recordings: Sequence[Demonstration], parameters: SegmentParameters, count: int | None
 ) -> tuple[list[Demonstration], pd.DataFrame]:
-    """Demonstrations of one repeat each, including half the adjacent rests, and a table of `COLUMNS`.
+    """Demonstrations of one repeat each, including half the adjacent rests, and a table of `REPEAT_COLUMNS`.
 
     `count`: number of repeats in every recording; None: unknown. Raises InputError: the moves do not repeat,
     or the number of repeats differs.
@@ -49,9 +49,9 @@ def split(
         runs += [_candidates(motion, (threshold,), one.dt, 0) for threshold in thresholds]
     shown = sum(primitive.axis not in ("rot", BETWEEN) for primitive in parameters.primitives)
     pattern = _best_pattern(candidates, runs, max(1, shown))  # fewer if two primitives form one run
-    moves, longest = pattern.way.shape[1], float(pattern.way.max())
+    moves, longest = pattern.path_length.shape[1], float(pattern.path_length.max())
     found = [_repeats(one, pattern) for one in candidates]
-    covered = sum(float(one.way[chains].sum()) for one, chains in zip(candidates, found, strict=True))
+    covered = sum(float(one.path_length[chains].sum()) for one, chains in zip(candidates, found, strict=True))
     share = covered / sum(float(one.travelled[-1]) for one in candidates)
     if share < COVERED or sum(map(len, found)) < 2:
         raise InputError(
@@ -69,14 +69,14 @@ def split(
                 f"{_times(recording, its, chains)} the hand goes {before:.2f} m, farther than in any of its "
                 f"{moves} moves; name all moves, also the way back"
             )
-        costs = [unlike(its, pattern, place)[0] for place in range(moves)]
+        costs = [mismatch(its, pattern, place)[0] for place in range(moves)]
         for number, chain in enumerate(chains, start=1):
-            first, last = _with_rests(its, chain, MOVED * longest, round(REST_S / recording.dt))
+            first, last = _with_rests(its, chain, MOVED * longest, round(LONGEST_REST_S / recording.dt))
             name = f"{recording.name}-{number:02d}"
             parts.append(_part(recording, name, first, last))
             mean = np.mean([cost[chosen] for cost, chosen in zip(costs, chain, strict=True)])
             rows.append((recording.name, name, recording.time[first], recording.time[last], float(mean)))
-    return parts, pd.DataFrame(rows, columns=COLUMNS)
+    return parts, pd.DataFrame(rows, columns=REPEAT_COLUMNS)
 
 
 def _candidates(motion: Motion, thresholds: Sequence[float], dt: float, bridge: int) -> Candidates:
@@ -94,7 +94,7 @@ def _best_pattern(candidates: Sequence[Candidates], runs: Sequence[Candidates], 
         ]
         if not rows:
             break
-        rows = [rows[at] for at in np.linspace(0, len(rows) - 1, min(PATTERNS, len(rows))).astype(int)]
+        rows = [rows[at] for at in np.linspace(0, len(rows) - 1, min(SEQUENCES, len(rows))).astype(int)]
         patterns = Pattern.of(rows)
         unexplained = np.sum([_explain(one, patterns)[0] for one in candidates], axis=0)
         chosen = int(np.argmin(unexplained))
@@ -108,20 +108,22 @@ def _best_pattern(candidates: Sequence[Candidates], runs: Sequence[Candidates], 
 def _explain(one: Candidates, pattern: Pattern) -> tuple[np.ndarray, np.ndarray]:
     """Least path that repeats of K patterns leave unexplained, and backtracking for the first pattern.
 
-    A move between repeats costs its path length, one within a repeat or before the first `LEFT_OUT` times
-    that; a move of the pattern costs its dissimilarity times the mean move's path length or its own. Since
+    A move between repeats costs its path length, one within a repeat or before the first `UNASSIGNED_PRICE`
+    times that; a move of the pattern costs its mismatch times the mean move's path length or its own. Since
     the former are sums along the path, the best predecessor of a candidate is a running minimum.
 
     Returns (K,) m.   (P + 1, G) candidate before each as the pattern's move, -1 for none; the last row holds
     the one that ends the last repeat.
     """
     moves, count = len(pattern.displacement), len(one.first)
-    way = np.maximum(pattern.mean_way[:, :1], one.way)
-    price = np.array([way * (unlike(one, pattern, place) + RESTED * one.rested) for place in range(moves)])
-    inside = np.where(np.arange(moves) < moves - 1, LEFT_OUT, 1.0)[:, None]  # price after each move
-    cost = np.empty((moves, len(pattern.way), count))
-    best = np.full((moves, len(pattern.way)), np.inf)  # least cost after a move, minus the path up to there
-    start = np.full(len(pattern.way), np.inf)  # the same for whole repeats
+    length = np.maximum(pattern.mean_path_length[:, :1], one.path_length)
+    pauses = PAUSE_PRICE * one.paused_s
+    price = np.array([length * (mismatch(one, pattern, place) + pauses) for place in range(moves)])
+    inside = np.where(np.arange(moves) < moves - 1, UNASSIGNED_PRICE, 1.0)[:, None]  # price after each move
+    patterns = len(pattern.path_length)
+    cost = np.empty((moves, patterns, count))
+    best = np.full((moves, patterns), np.inf)  # least cost after a move, minus the path up to there
+    start = np.full(patterns, np.inf)  # the same for whole repeats
     last, before = np.full(moves, -1), np.full((moves + 1, count), -1)
     whole, ended, order = -1, 0, np.argsort(one.last, kind="stable")
     for at in range(count):
@@ -134,10 +136,10 @@ def _explain(one: Candidates, pattern: Pattern) -> tuple[np.ndarray, np.ndarray]
             start = np.minimum(start, best[-1])
             ended += 1
         here = one.travelled[one.first[at]]
-        since = np.vstack([np.minimum(start + here, LEFT_OUT * here), best[:-1] + inside[:-1] * here])
+        since = np.vstack([np.minimum(start + here, UNASSIGNED_PRICE * here), best[:-1] + inside[:-1] * here])
         cost[:, :, at] = since + price[:, :, at]
-        before[:moves, at] = [whole if start[0] + here < LEFT_OUT * here else -1, *last[:-1]]
-    none = np.full(len(pattern.way), LEFT_OUT * one.travelled[-1])
+        before[:moves, at] = [whole if start[0] + here < UNASSIGNED_PRICE * here else -1, *last[:-1]]
+    none = np.full(patterns, UNASSIGNED_PRICE * one.travelled[-1])
     total = np.vstack([none, (cost[-1] - one.travelled[one.last]).T + one.travelled[-1]])
     before[moves, :] = int(np.argmin(total[:, 0])) - 1
     return total.min(axis=0), before

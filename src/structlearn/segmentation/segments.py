@@ -31,7 +31,7 @@ class Segmentation:
     """All cuts of a set of demonstrations."""
 
     # one row per demonstration, primitive and method; times since the start of the demonstration; columns of
-    # all tables: `COLUMNS`
+    # all tables: `TABLE_COLUMNS`
     cuts: pd.DataFrame
     pairs: pd.DataFrame  # one row per correspondence; times since the start of either demonstration
     left_out: pd.DataFrame  # demonstrations that could not be cut
@@ -60,14 +60,14 @@ def write_segmentation(segmentation: Segmentation, folder: str | Path) -> None:
     tables = vars(segmentation) | {"reference": pd.DataFrame({"reference": [segmentation.reference]})}
     with publish(folder) as path:
         path.mkdir()
-        for name in COLUMNS:
+        for name in TABLE_COLUMNS:
             write_table(tables[name], path / f"{name}.parquet")
 
 
 def read_segmentation(folder: str | Path) -> Segmentation:
     """Read a segmentation. Raises InputError: a table is missing, unreadable or has other columns."""
-    paths = {name: Path(folder, f"{name}.parquet") for name in COLUMNS}
-    tables = {name: read_table(path, COLUMNS[name]) for name, path in paths.items()}
+    paths = {name: Path(folder, f"{name}.parquet") for name in TABLE_COLUMNS}
+    tables = {name: read_table(path, TABLE_COLUMNS[name]) for name, path in paths.items()}
     reference = tables.pop("reference")["reference"]
     if len(reference) != 1:
         raise InputError(f"{paths['reference']}: has {len(reference)} rows, not one")
@@ -76,7 +76,7 @@ def read_segmentation(folder: str | Path) -> Segmentation:
 
 PAIR_COLUMNS = ["demonstration", "primitive", "reference_s", "guess_s", "weight"]
 
-COLUMNS = {
+TABLE_COLUMNS = {
     "cuts": ("demonstration", "primitive", "method", "start_s", "end_s"),
     "pairs": tuple(PAIR_COLUMNS),
     "left_out": ("demonstration", "reason"),
@@ -112,7 +112,7 @@ def cut(demonstrations: Sequence[Demonstration], parameters: SegmentParameters) 
             for name, movement in movements.items():
                 try:
                     refined[name] = alignment.refine(reference_movements[name], movement, parameters)
-                except InputError as error:
+                except ValueError as error:
                     raise InputError(f"{demonstration.name}: primitive '{name}': {error}") from error
             cuts.append(_cut_rows(demonstration, refined, parameters))
             cells += sum(one.cells for one in refined.values())
@@ -131,7 +131,7 @@ def cut(demonstrations: Sequence[Demonstration], parameters: SegmentParameters) 
     return Segmentation(
         cuts=pd.concat(cuts, ignore_index=True),
         pairs=pd.concat(pairs, ignore_index=True) if pairs else pd.DataFrame(columns=PAIR_COLUMNS),
-        left_out=pd.DataFrame(left_out.items(), columns=COLUMNS["left_out"]),
+        left_out=pd.DataFrame(left_out.items(), columns=TABLE_COLUMNS["left_out"]),
         warnings=pd.DataFrame(warnings, columns=WARNING_COLUMNS).astype({"number": float}),
         reference=reference.name,
         cells=cells,
@@ -173,7 +173,7 @@ def _cut_rows(
                     f"{start_s:.3f} to {end_s:.3f} s"
                 )
             rows.append((demonstration.name, primitive.name, method, start_s, end_s))
-    return pd.DataFrame(rows, columns=COLUMNS["cuts"])
+    return pd.DataFrame(rows, columns=TABLE_COLUMNS["cuts"])
 
 
 def _pair_rows(demonstration: str, primitive: str, one: Refined) -> pd.DataFrame:

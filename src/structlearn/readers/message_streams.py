@@ -3,7 +3,7 @@
 Stamps. Messages with a header are stamped by the header: the time of the sample. If no header stamp of a
 topic is set (all are zero), for types without a header, and on request, the log time is used: the time of
 reception by the recorder. The choice is made per topic, so that a simulator's clock may start at zero. Joint
-states are separated by joint, see `joint_log`.
+states are separated by joint, see `joint_streams`.
 
 Shapes. A topic of markers gives named shapes: cubes, spheres and cylinders at rest. Only its first message is
 used.
@@ -30,11 +30,12 @@ from mcap.well_known import SchemaEncoding
 from structlearn.core import quaternion
 from structlearn.core.errors import InputError
 from structlearn.core.params import read_values
-from structlearn.readers.bag import RawMessages
-from structlearn.readers.cdr import Decoded, columns, decoded, short_name
 from structlearn.readers.clock import at_row, in_order
+from structlearn.readers.decoded_messages import Decoded, columns, decoded, short_name
 from structlearn.readers.demonstration import JOINT_KINDS, Form, Kind, NamedShape, Stream
-from structlearn.readers.source import Role, StampPolicy
+from structlearn.readers.raw_messages import RawMessages
+from structlearn.readers.source_parameters import StampPolicy
+from structlearn.readers.topics import Role
 
 FRAME = "base"  # frame_id that we write: the robot's base
 LAST_STAMP = 2**31 * 10**9 - 1  # ns: seconds of a header are int32

@@ -28,9 +28,9 @@ from mcap.writer import MCAP0_MAGIC, Writer
 
 from structlearn.core.errors import InputError
 from structlearn.core.reading import PER_MESSAGE, Budget, require_file
-from structlearn.readers.source import COMPRESSED, RecordingFile
+from structlearn.readers.source_files import COMPRESSED, RecordingFile
 
-METADATA = "structlearn"  # name of the metadata record of our own files
+METADATA_RECORD = "structlearn"  # name of the metadata record of our own files
 
 # Largest unpacked chunk in bytes; writers start a new one after a few million, those of ROS 1 after one
 # million.
@@ -107,7 +107,7 @@ def write_bag(
     with open(path, "wb") as file:
         writer = Writer(file, enable_data_crcs=True)
         writer.start(profile=Profile.ROS2)
-        writer.add_metadata(METADATA, dict(metadata))
+        writer.add_metadata(METADATA_RECORD, dict(metadata))
         schemas: dict[str, int] = {}
         rows: list[tuple[int, int, bytes]] = []
         for topic, its in messages:
@@ -226,7 +226,7 @@ def _read_mcap(file: BinaryIO, topics: Collection[str], budget: Budget) -> Bag:
     rows = {
         topic: ((time, of[number], data) for time, number, data in its) for topic, its in messages.items()
     }
-    return _bag(types, rows, metadata.get(METADATA))
+    return _bag(types, rows, metadata.get(METADATA_RECORD))
 
 
 def _type_name(channel: Channel, schema: Schema | None) -> str:

@@ -16,7 +16,7 @@ import numpy as np
 from mcap.records import Schema
 from mcap.well_known import MessageEncoding
 
-from structlearn.readers.bag import RawMessages, damage_named
+from structlearn.readers.raw_messages import RawMessages, damage_named
 
 MOST_LAYOUTS = 50  # per message length: a robot's frames need several, varying texts any number
 LITTLE_ENDIAN = 1  # second byte of a message in plain little-endian CDR, sent by x86 and ARM robots
