@@ -135,14 +135,14 @@ def read_demonstrations(
         InputError: the source fails `source_files.recording_files`, or a recording `read_recording` or
             `synchronise`; the message names it.
     """
-    found = []
+    demonstrations = []
     for file in recording_files(source):
         recording = read_recording(file, topics, stamps)
         try:
-            found.append(synchronise(recording, rate_hz, max_gap_s))
+            demonstrations.append(synchronise(recording, rate_hz, max_gap_s))
         except InputError as error:
             raise InputError(f"{file.path}: {error}") from error
-    return found
+    return demonstrations
 
 
 def read_recordings(
@@ -153,14 +153,14 @@ def read_recordings(
     Raises InputError: as `read_demonstrations`, except for the clock; or a recording fails
     `check_recording`.
     """
-    found = []
+    recordings = []
     for file in recording_files(source):
-        found.append(read_recording(file, topics, stamps))
+        recordings.append(read_recording(file, topics, stamps))
         try:
-            check_recording(found[-1])
+            check_recording(recordings[-1])
         except InputError as error:
             raise InputError(f"{file.path}: {error}") from error
-    return found
+    return recordings
 
 
 def write_recordings(recordings: Sequence[Recording], folder: str | Path) -> None:
@@ -214,10 +214,10 @@ def read_joint_log(
         raise InputError(f"{where} does not name the joints")
     series, others = chosen(where, series, joints)
     if len(series) > 1:
-        parts = " and ".join(", ".join(one.names) for one in series)
+        parts = " and ".join(", ".join(part.names) for part in series)
         raise InputError(f"{where} has joints that come at different times: {parts}")
-    (one,) = series
-    if missing := [kind for kind in JOINT_KINDS if kind not in one.values]:
+    (joint_states,) = series
+    if missing := [kind for kind in JOINT_KINDS if kind not in joint_states.values]:
         raise InputError(
             f"{where} has no {missing[0].replace('_', ' ')}; a dynamics model is learned from "
             "position, velocity and effort"
@@ -227,8 +227,8 @@ def read_joint_log(
         provenance["stamps"] = f"{topic}: {note}"
     if others:
         provenance["joints"] = f"{topic}: without {', '.join(others)}"
-    signals = (one.values[kind] for kind in JOINT_KINDS)
-    return JointLog(file.name, one.names, one.stamps, *signals, provenance=provenance)
+    signals = (joint_states.values[kind] for kind in JOINT_KINDS)
+    return JointLog(file.name, joint_states.names, joint_states.stamps, *signals, provenance=provenance)
 
 
 def readable(path: Path, bag: Bag, topic: str, role: Role | Literal["transforms"]) -> tuple[str, RawMessages]:
@@ -236,7 +236,7 @@ def readable(path: Path, bag: Bag, topic: str, role: Role | Literal["transforms"
     where = f"{path}: topic '{topic}'"
     if topic not in bag.topics:
         present = sorted(bag.topics.items())
-        listing = ", ".join(f"{name} ({' and '.join(its)})" for name, its in present) or "no topics"
+        listing = ", ".join(f"{name} ({' and '.join(types)})" for name, types in present) or "no topics"
         raise InputError(f"{path}: has no topic '{topic}' for {role}; it has {listing}")
     if len(types := bag.topics[topic]) > 1:
         raise InputError(f"{where} has messages of several types: {', '.join(types)}")
@@ -306,8 +306,7 @@ class _Reading:
         """All joint states of a topic, cached, since the pose may need them too."""
         if topic not in self._series:
             where, messages = readable(self._path, self._bag, topic, "joint_states")
-            found = joint_series(where, topic, messages, self._policy)
-            self._series[topic], self.mended[topic] = found
+            self._series[topic], self.mended[topic] = joint_series(where, topic, messages, self._policy)
         return self._series[topic]
 
     def _joints(self, topic: str) -> list[JointSeries]:
@@ -322,11 +321,11 @@ class _Reading:
 
     def _joint_streams(self, series: Sequence[JointSeries]) -> list[Stream]:
         """Streams of the joint states of all topics; signals that some joints lack are left out."""
-        named = all(one.names for one in series)
+        named = all(part.names for part in series)
         if self._topics.joints is not None:
-            where = f"{self._path}: {', '.join(dict.fromkeys(one.topic for one in series))}"
+            where = f"{self._path}: {', '.join(dict.fromkeys(part.topic for part in series))}"
             series, _ = chosen(where, series, self._topics.joints)
-        streams = [stream for one in series for stream in one.streams()]
+        streams = [stream for part in series for stream in part.streams()]
         joints = {kind: [n for s in streams if s.kind == kind for n in s.joints] for kind in JOINT_KINDS}
         for kind, names in joints.items():
             topics = [stream.topic for stream in streams if stream.kind == kind]

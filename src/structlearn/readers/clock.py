@@ -275,8 +275,8 @@ def shared_stamps(sources: Sequence[np.ndarray]) -> np.ndarray:
     (the first of several). Stamps within a gap of another source, longer than two mean steps of the slowest
     one, are left out, so the combined signal keeps that gap.
     """
-    start, end = max(int(one[0]) for one in sources), min(int(one[-1]) for one in sources)
-    inside = [one[(one >= start) & (one <= end)] for one in sources]
+    start, end = max(int(stamps[0]) for stamps in sources), min(int(stamps[-1]) for stamps in sources)
+    inside = [stamps[(stamps >= start) & (stamps <= end)] for stamps in sources]
     ticks = min(inside, key=len)
     if len(ticks) < 2:
         return ticks

@@ -100,7 +100,7 @@ Log = TypeVar("Log", JointLog, DriveLog, PartedLog)
 
 def signals_of(kind: type[MotionLog]) -> list[str]:
     """Names of the (T, n) signals of a kind of log."""
-    return [one.name for one in fields(kind) if one.name in UNITS and one.name != "stamps"]
+    return [signal.name for signal in fields(kind) if signal.name in UNITS and signal.name != "stamps"]
 
 
 def write_log_table(logs: Sequence[MotionLog], target: str | Path) -> None:

@@ -33,7 +33,8 @@ class JointSeries:
 
     def streams(self) -> list[Stream]:
         """One stream per kind."""
-        return [Stream(self.topic, kind, self.stamps, its, self.names) for kind, its in self.values.items()]
+        signals = self.values.items()
+        return [Stream(self.topic, kind, self.stamps, values, self.names) for kind, values in signals]
 
     def renamed(self, names: Mapping[str, str]) -> "JointSeries":
         """Series with other names for some joints, e.g. those of a URDF."""
@@ -43,7 +44,7 @@ class JointSeries:
         """Columns of some joints, in the given order; None if it has none of them."""
         mine = tuple(name for name in names if name in self.names)
         columns = [self.names.index(name) for name in mine]
-        values = {kind: its.take(columns, axis=1) for kind, its in self.values.items()}
+        values = {kind: signal.take(columns, axis=1) for kind, signal in self.values.items()}
         return replace(self, names=mine, values=values) if mine else None
 
 
@@ -62,13 +63,13 @@ def joint_series(
         orders = [tuple(group.message.name) for group in groups]
         joints = _joints(where, stamps, groups, orders)
         for kind in JOINT_KINDS:
-            its = [sequence(getattr(group.message, FIELDS[kind])) for group in groups]
+            fields = [sequence(getattr(group.message, FIELDS[kind])) for group in groups]
             filled = np.zeros(len(stamps), dtype=bool)
-            for group, columns in zip(groups, its, strict=True):
+            for group, columns in zip(groups, fields, strict=True):
                 filled[group.rows] = len(columns) > 0
-            tables[kind] = table(where, stamps, groups, its, orders, joints, kind), filled
+            tables[kind] = table(where, stamps, groups, fields, orders, joints, kind), filled
     several = len(set(map(frozenset, orders))) > 1
-    found, notes = [], []
+    series, notes = [], []
     for publisher, names, rows in _clocks(groups, orders, joints):
         kept, note = in_order(
             f"{where}: joints {', '.join(names)}" if several else where, stamps[rows], policy
@@ -82,10 +83,10 @@ def joint_series(
             if filled[rows].all() and not np.isnan(mine).all():
                 values[kind] = mine if note is None else mine[kept]
         if values:
-            found.append(JointSeries(topic, names, publisher, stamps[rows][kept], values))
-    if not found:
+            series.append(JointSeries(topic, names, publisher, stamps[rows][kept], values))
+    if not series:
         raise InputError(f"{where} has joint states without position, velocity and effort")
-    return found, ", ".join(notes) or None
+    return series, ", ".join(notes) or None
 
 
 def chosen(
@@ -95,21 +96,21 @@ def chosen(
 
     Without a request, the joints are those of the publisher with the most (the first of several).
     """
-    present = [name for one in series for name in one.names]
+    present = [name for part in series for name in part.names]
     if joints is None:
         sizes: dict[int, int] = {}
-        for one in series:
-            sizes[one.publisher] = sizes.get(one.publisher, 0) + len(one.names)
+        for part in series:
+            sizes[part.publisher] = sizes.get(part.publisher, 0) + len(part.names)
         largest = max(sizes, key=lambda publisher: sizes[publisher])
-        kept = [one for one in series if one.publisher == largest]
+        kept = [part for part in series if part.publisher == largest]
     else:
         if missing := [name for name in joints if name not in present]:
             raise InputError(
                 f"{where} has no joint {', '.join(missing)}; it has {', '.join(present) or 'none'}"
             )
-        parts = (one.of_joints(joints) for one in series)
+        parts = (part.of_joints(joints) for part in series)
         kept = sorted((part for part in parts if part), key=lambda part: list(joints).index(part.names[0]))
-    names = {name for one in kept for name in one.names}
+    names = {name for part in kept for name in part.names}
     return kept, [name for name in present if name not in names]
 
 
@@ -140,11 +141,12 @@ def _clocks(
     sets = list(rows)
     together: dict[tuple[int, ...], list[str]] = {}
     for name in joints:
-        together.setdefault(tuple(n for n, its in enumerate(sets) if name in its), []).append(name)
+        members = tuple(number for number, names in enumerate(sets) if name in names)
+        together.setdefault(members, []).append(name)
     publishers = list(range(len(sets)))  # per set; sets with a common joint share one
     for has in together:
-        one = {publishers[number] for number in has}
-        publishers = [min(one) if publisher in one else publisher for publisher in publishers]
+        shared = {publishers[number] for number in has}
+        publishers = [min(shared) if publisher in shared else publisher for publisher in publishers]
     for has, mine in together.items() or [((0,), [])]:
-        found = [part for number in has for part in rows[sets[number]]]
-        yield publishers[has[0]], tuple(mine), np.sort(np.concatenate(found))
+        messages_of = [part for number in has for part in rows[sets[number]]]
+        yield publishers[has[0]], tuple(mine), np.sort(np.concatenate(messages_of))

@@ -66,11 +66,11 @@ def recording_files(source: str | Path) -> list[RecordingFile]:
     if not source.is_dir():
         return [as_recording_file(source)]
     folders = [source, *sorted(path.parent for path in source.glob(f"*/{METADATA}"))]
-    found = [file for folder in folders for file in _bags(folder)] or _files(source, ("table",))
-    if not found:
+    files = [file for folder in folders for file in _bags(folder)] or _files(source, ("table",))
+    if not files:
         raise InputError(f"{source}: holds no bag (.mcap, .db3, .bag) and no table (.csv, .parquet)")
-    check_names([file.name for file in found], str(source))
-    return sorted(found, key=lambda file: natural_order(file.name))
+    check_names([file.name for file in files], str(source))
+    return sorted(files, key=lambda file: natural_order(file.name))
 
 
 def as_recording_file(path: str | Path | RecordingFile) -> RecordingFile:

@@ -94,21 +94,24 @@ def read_pose_table(path: Path) -> Bag:
     if WRENCH[0] in columns:
         messages["wrench"] = to_messages(str(path), Stream("", "wrench", stamps, block(WRENCH)))
     fields = {}
-    joints = list(dict.fromkeys(name for one in FIELDS.values() for name in _joints(names, one)))
-    for kind, one in FIELDS.items():
-        its = _joints(names, one)
-        if its and (missing := [name for name in joints if name not in its]):
-            raise InputError(f"{path}: has {one}.{its[0]}, but not {one}.{missing[0]}")
-        if its:
-            fields[kind] = block(f"{one}.{joint}" for joint in joints)
+    joints = list(dict.fromkeys(name for prefix in FIELDS.values() for name in _joints(names, prefix)))
+    for kind, prefix in FIELDS.items():
+        having = _joints(names, prefix)
+        if having and (missing := [name for name in joints if name not in having]):
+            raise InputError(f"{path}: has {prefix}.{having[0]}, but not {prefix}.{missing[0]}")
+        if having:
+            fields[kind] = block(f"{prefix}.{joint}" for joint in joints)
     if joints:
         messages["joint_states"] = joint_messages(str(path), joints, stamps, fields)
     provenance = {"origin": "recorded", "source": path.name}
     if not oriented:
         provenance["orientation"] = "not recorded"
     return Bag(
-        {TABLE_TOPICS[role]: [one.name for one in its.schemas[:1] if one] for role, its in messages.items()},
-        {TABLE_TOPICS[role]: its for role, its in messages.items()},
+        {
+            TABLE_TOPICS[role]: [schema.name for schema in raw.schemas[:1] if schema]
+            for role, raw in messages.items()
+        },
+        {TABLE_TOPICS[role]: raw for role, raw in messages.items()},
         {"provenance": json.dumps(provenance, sort_keys=True), "true_segments": "null"},
     )
 
@@ -172,7 +175,7 @@ def read_shapes(path: Path) -> tuple[NamedShape, ...]:
     shapes = []
     columns = (*POSITION, *ORIENTATION, *SIZE)
     for where, row in read_rows(path, ("name", "form", *columns)):
-        form = next((one for one in FORMS if one == row["form"]), None)
+        form = next((name for name in FORMS if name == row["form"]), None)
         if form is None:
             raise InputError(f"{where}: form is '{row['form']}', not one of {', '.join(FORMS)}")
         values = np.array(finite_numbers(where, [row[name] for name in columns]))
@@ -216,8 +219,8 @@ def touch_tables(source: Path) -> list[Path]:
     if not source.exists():
         raise InputError(f"{source}: no such file or folder")
     paths = [path for path in (source.iterdir() if source.is_dir() else [source]) if path.is_file()]
-    found = [path for path in paths if path.suffix in (".csv", ".parquet") and not path.name.startswith(".")]
-    return sorted(found, key=lambda path: natural_order(path.stem))
+    tables = [path for path in paths if path.suffix in (".csv", ".parquet") and not path.name.startswith(".")]
+    return sorted(tables, key=lambda path: natural_order(path.stem))
 
 
 def write_touch_logs(logs: Sequence[TouchLog], target: str | Path) -> None:
@@ -236,11 +239,11 @@ def write_touch_logs(logs: Sequence[TouchLog], target: str | Path) -> None:
 def read_touch_logs(path: str | Path) -> list[TouchLog]:
     """Read the table of `write_touch_logs`."""
     logs = []
-    for one in read_series(path):
-        channels = tuple(name for name in one.columns if name not in TOUCH_UNITS)
-        place = one.stacked(PLACE) if PLACE[-1] in one.columns else None
-        time, force = one.columns.get(TIME), one.columns.get(FORCE)
-        logs.append(TouchLog(one.name, channels, one.stacked(channels), place, time, force, dict(one.about)))
+    for run in read_series(path):
+        channels = tuple(name for name in run.columns if name not in TOUCH_UNITS)
+        place = run.stacked(PLACE) if PLACE[-1] in run.columns else None
+        time, force = run.columns.get(TIME), run.columns.get(FORCE)
+        logs.append(TouchLog(run.name, channels, run.stacked(channels), place, time, force, dict(run.about)))
     return logs
 
 

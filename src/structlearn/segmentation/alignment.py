@@ -136,16 +136,16 @@ def refine(reference: Movement, own: Movement, parameters: SegmentParameters) ->
     g = parameters.downsampling
     # Times count from the start of the demonstrations, so the extension need not be subtracted again.
     crossings = [movement.crossing for movement in (reference, own)]
-    firsts = [max(one.earliest, one.start - extension) for one in crossings]
+    firsts = [max(crossing.earliest, crossing.start - extension) for crossing in crossings]
     part, own_part = (
-        movement.path[first : min(one.latest, one.end + extension) + 1 : g]
-        for movement, one, first in zip((reference, own), crossings, firsts, strict=True)
+        movement.path[first : min(crossing.latest, crossing.end + extension) + 1 : g]
+        for movement, crossing, first in zip((reference, own), crossings, firsts, strict=True)
     )
     pairs = g * correspondences(part, own_part, one_scale=parameters.assigns_runs) + np.array(firsts)
     weights = velocity_weights(
         reference.velocity[pairs[:, 0]], own.velocity[pairs[:, 1]], parameters.near_zero, parameters.decay
     )
-    ends = np.array([[one.start for one in crossings], [one.end for one in crossings]])
+    ends = np.array([[crossing.start for crossing in crossings], [crossing.end for crossing in crossings]])
     tolerance = parameters.crossing_tolerance_s / reference.dt
     published = least_squares(pairs, weights)
     alignments = {
@@ -184,15 +184,15 @@ def cut_warnings(
     """
     return [
         (demonstration, primitive, reason, number)
-        for primitive, one in refined.items()
-        for reason, number, bound in _evidence(one, reference)
+        for primitive, aligned in refined.items()
+        for reason, number, bound in _evidence(aligned, reference)
         if number > bound
     ]
 
 
-def _evidence(one: Refined, reference: bool) -> Iterator[tuple[str, float, float]]:
+def _evidence(refined: Refined, reference: bool) -> Iterator[tuple[str, float, float]]:
     """(reason, number, bound) for the choice of runs and for the alignment with the reference."""
-    own, crossing = one.own.crossing, one.reference.crossing
+    own, crossing = refined.own.crossing, refined.reference.crossing
     yield "its duration, way or direction is unlike the reference's (cost)", own.mismatch, MOST_MISMATCH
     yield "motion before it belongs to no primitive (ways of a primitive)", own.unassigned[0], MOST_UNASSIGNED
     yield "motion after it belongs to no primitive (ways of a primitive)", own.unassigned[1], MOST_UNASSIGNED
@@ -200,12 +200,13 @@ def _evidence(one: Refined, reference: bool) -> Iterator[tuple[str, float, float
     if reference:
         return
     duration = max(crossing.end - crossing.start, 1)
-    apart = np.abs(one.ends("zvc") - one.ends("wls_published")).max() / duration
+    apart = np.abs(refined.ends("zvc") - refined.ends("wls_published")).max() / duration
     yield "crossing and alignment lie apart (durations)", float(apart), APART
     times = np.arange(crossing.start, crossing.end + 1)
-    aligned = np.interp(times, times[[0, -1]], one.ends(RESULT))
-    path = np.stack([np.interp(aligned, np.arange(len(one.own.path)), x) for x in one.own.path.T], axis=1)
-    centred = [path - path.mean(axis=0) for path in (one.reference.path[times], path)]
+    aligned = np.interp(times, times[[0, -1]], refined.ends(RESULT))
+    samples = np.arange(len(refined.own.path))
+    path = np.stack([np.interp(aligned, samples, x) for x in refined.own.path.T], axis=1)
+    centred = [path - path.mean(axis=0) for path in (refined.reference.path[times], path)]
     tiny = np.finfo(float).tiny
     shapes = [path / max(float(np.sqrt(np.mean(np.sum(path**2, axis=1)))), tiny) for path in centred]
     off = float(np.linalg.norm(shapes[1] - shapes[0], axis=1).mean())

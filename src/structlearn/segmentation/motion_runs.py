@@ -125,7 +125,7 @@ def motion(demonstration: Demonstration, axis: Axis, parameters: SegmentParamete
     raw, dt = path(demonstration, axis), demonstration.dt
     smooth = signals.low_pass(raw, dt, parameters.guess_cutoff_hz)
     light = signals.low_pass(raw, dt, parameters.cut_cutoff_hz)
-    speeds = [np.linalg.norm(signals.derivative(one, dt), axis=1) for one in (smooth, light)]
+    speeds = [np.linalg.norm(signals.derivative(filtered, dt), axis=1) for filtered in (smooth, light)]
     if parameters.assigns_runs:  # the largest movement is found regardless of the ends
         cutoffs_hz = (parameters.guess_cutoff_hz, parameters.cut_cutoff_hz)
         speeds = [_without_ends(*pair, dt) for pair in zip(speeds, cutoffs_hz, strict=True)]
@@ -150,7 +150,7 @@ def pace(motions: Sequence[Motion]) -> float:
 
     Weighting by path instead of time makes rests and twitches almost irrelevant, however long or quick.
     """
-    means = [np.sum(one.smooth_speed**2) / max(np.sum(one.smooth_speed), 1e-300) for one in motions]
+    means = [np.sum(motion.smooth_speed**2) / max(np.sum(motion.smooth_speed), 1e-300) for motion in motions]
     return float(np.median(means))
 
 
@@ -186,10 +186,10 @@ def runs_of_motion(
     starts = above & ~np.append(False, above[:-1])
     starts[[sample for sample in breaks if above[sample]]] = True
     ends = above & np.append(starts[1:] | ~above[1:], True)
-    found = np.stack([np.flatnonzero(starts), np.flatnonzero(ends)], axis=1)
+    runs = np.stack([np.flatnonzero(starts), np.flatnonzero(ends)], axis=1)
     travelled = np.append(0.0, np.cumsum(smooth_speed))
-    path_length = travelled[found[:, 1] + 1] - travelled[found[:, 0]]
-    return found[np.sort(np.argsort(-path_length, kind="stable")[:most])]
+    path_length = travelled[runs[:, 1] + 1] - travelled[runs[:, 0]]
+    return runs[np.sort(np.argsort(-path_length, kind="stable")[:most])]
 
 
 @dataclass(frozen=True)

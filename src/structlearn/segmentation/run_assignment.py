@@ -72,13 +72,13 @@ class Pattern:
     def of(cls, picked: Sequence[Sequence[tuple[Candidates, int]]]) -> Self:
         """Patterns of K by P candidates, each with its index."""
         return cls(
-            np.array([[one.duration[g] for one, g in row] for row in picked]),
-            np.array([[one.path_length[g] for one, g in row] for row in picked]),
+            np.array([[choices.duration[g] for choices, g in row] for row in picked]),
+            np.array([[choices.path_length[g] for choices, g in row] for row in picked]),
             [
-                np.array([one.path[one.last[g]] - one.path[one.first[g]] for one, g in column])
+                np.array([own.path[own.last[g]] - own.path[own.first[g]] for own, g in column])
                 for column in zip(*picked, strict=True)
             ],
-            np.array([one.turns for one, _ in picked[0]]),
+            np.array([choices.turns for choices, _ in picked[0]]),
         )
 
     @property
@@ -101,9 +101,9 @@ def assign(
     most = max(PATTERNS // len(references), FEWEST_PATTERNS)
     owners, chains, own = [], [], []
     for index in references:
-        found, prices = _chains(demonstrations[index], gaps[index], most)
-        owners += [index] * len(found)
-        chains += found
+        cheapest_chains, prices = _chains(demonstrations[index], gaps[index], most)
+        owners += [index] * len(cheapest_chains)
+        chains += cheapest_chains
         own += prices
     if not chains:
         return None
@@ -130,7 +130,7 @@ def _chosen(
 ) -> Chosen:
     places = range(len(chain))
     motion = [gaps[p][chain[p - 1] if p else 0, chain[p]] for p in places] + [gaps[-1][chain[-1], 0]]
-    costs = [mismatch(one, pattern, p)[0, chain[p]] for p, one in enumerate(primitives)]
+    costs = [mismatch(choices, pattern, p)[0, chain[p]] for p, choices in enumerate(primitives)]
     return Chosen(chain, np.array(costs), np.array(motion) / pattern.mean_path_length[0, [*places, -1]])
 
 
@@ -153,10 +153,10 @@ def _gaps(primitives: Sequence[Candidates], between: Sequence[bool]) -> list[np.
     return [*tables, _unassigned(last, last.last, np.array([len(last.path) - 1]))]
 
 
-def _unassigned(one: Candidates, since: np.ndarray, until: np.ndarray) -> np.ndarray:
+def _unassigned(choices: Candidates, since: np.ndarray, until: np.ndarray) -> np.ndarray:
     """(S, U) path length along one axis from samples (S,) to samples (U,), plus `DISPLACED` displacements."""
-    path_length = np.maximum(one.travelled[until][None] - one.travelled[since][:, None], 0.0)
-    apart = np.linalg.norm(one.path[until][None] - one.path[since][:, None], axis=2)
+    path_length = np.maximum(choices.travelled[until][None] - choices.travelled[since][:, None], 0.0)
+    apart = np.linalg.norm(choices.path[until][None] - choices.path[since][:, None], axis=2)
     return path_length + DISPLACED * np.minimum(apart, path_length)
 
 
@@ -164,13 +164,13 @@ def _chains(
     primitives: Sequence[Candidates], gaps: Sequence[np.ndarray], most: int
 ) -> tuple[list[np.ndarray], list[float]]:
     """Cheapest cuts of a demonstration and their costs, counting only unassigned motion and dips."""
-    ways = np.array([one.travelled[-1] for one in primitives])
-    alike = [sum(one.turns == other.turns for other in primitives) for one in primitives]
+    ways = np.array([choices.travelled[-1] for choices in primitives])
+    alike = [sum(choices.turns == other.turns for other in primitives) for choices in primitives]
     price = UNASSIGNED_PRICE * np.array(alike) / np.maximum(ways, np.finfo(float).tiny)
     chains, prices = np.zeros((1, 0), dtype=int), np.zeros(1)
-    for place, one in enumerate(primitives):
+    for place, choices in enumerate(primitives):
         before = gaps[place][chains[:, -1] if place else [0]]  # (N, G)
-        grown = prices[:, None] + price[place] * before + PAUSE_PRICE * one.paused_s
+        grown = prices[:, None] + price[place] * before + PAUSE_PRICE * choices.paused_s
         order = np.argsort(grown, axis=None, kind="stable")[:most]
         order = order[np.isfinite(grown.ravel()[order])]
         rows, columns = np.unravel_index(order, grown.shape)
@@ -179,17 +179,17 @@ def _chains(
     return list(chains), prices.tolist()
 
 
-def mismatch(one: Candidates, pattern: Pattern, place: int) -> np.ndarray:
+def mismatch(choices: Candidates, pattern: Pattern, place: int) -> np.ndarray:
     """(K, G) dissimilarity of each candidate from each pattern's primitive; 0 if equal.
 
     Combines the log ratios of duration and path length, and the distance of the displacements.
     """
     path_length = pattern.path_length[:, place, None]
-    displacement = one.path[one.last] - one.path[one.first]
+    displacement = choices.path[choices.last] - choices.path[choices.first]
     apart = np.linalg.norm(displacement[None] - pattern.displacement[place][:, None], axis=2)
-    longer = np.abs(np.log(one.duration[None] / pattern.duration[:, place, None]))
-    farther = np.abs(np.log(one.path_length[None] / path_length))
-    return HASTE * longer + farther + 2.0 * apart / (one.path_length[None] + path_length)
+    longer = np.abs(np.log(choices.duration[None] / pattern.duration[:, place, None]))
+    farther = np.abs(np.log(choices.path_length[None] / path_length))
+    return HASTE * longer + farther + 2.0 * apart / (choices.path_length[None] + path_length)
 
 
 def _cheapest(
@@ -201,12 +201,12 @@ def _cheapest(
     """
     price = UNASSIGNED_PRICE / pattern.mean_path_length  # (K, P)
     best, ways_back = np.zeros((len(price), 1)), []
-    for place, one in enumerate(primitives):
-        if len(one.first) == 0:
+    for place, choices in enumerate(primitives):
+        if len(choices.first) == 0:
             return np.full(len(price), np.inf), None
         so_far = best[:, :, None] + price[:, place, None, None] * gaps[place][None]  # (K, G before, G)
         ways_back.append(np.argmin(so_far[0], axis=0))
-        best = so_far.min(axis=1) + mismatch(one, pattern, place) + PAUSE_PRICE * one.paused_s
+        best = so_far.min(axis=1) + mismatch(choices, pattern, place) + PAUSE_PRICE * choices.paused_s
     ends = best + price[:, -1:] * gaps[-1][None, :, 0]
     if not np.isfinite(ends[0]).any():
         return ends.min(axis=1), None

@@ -104,10 +104,10 @@ def cut(demonstrations: Sequence[Demonstration], parameters: SegmentParameters) 
     reference = demonstrations[place]
     reference_movements = _movements(reference, crossings[place], parameters)
     cuts, pairs, warnings, left_out, cells = [], [], [], {}, 0
-    for demonstration, found in zip(demonstrations, crossings, strict=True):
+    for demonstration, own_crossings in zip(demonstrations, crossings, strict=True):
         try:
             own = demonstration is reference
-            movements = reference_movements if own else _movements(demonstration, found, parameters)
+            movements = reference_movements if own else _movements(demonstration, own_crossings, parameters)
             refined = {}
             for name, movement in movements.items():
                 try:
@@ -115,10 +115,10 @@ def cut(demonstrations: Sequence[Demonstration], parameters: SegmentParameters) 
                 except ValueError as error:
                     raise InputError(f"{demonstration.name}: primitive '{name}': {error}") from error
             cuts.append(_cut_rows(demonstration, refined, parameters))
-            cells += sum(one.cells for one in refined.values())
+            cells += sum(aligned.cells for aligned in refined.values())
             warnings += alignment.cut_warnings(demonstration.name, refined, own)
             if not own:
-                pairs += [_pair_rows(demonstration.name, *one) for one in refined.items()]
+                pairs += [_pair_rows(demonstration.name, *aligned) for aligned in refined.items()]
         except InputError as error:
             if own or not parameters.skip_failures:
                 raise
@@ -139,14 +139,14 @@ def cut(demonstrations: Sequence[Demonstration], parameters: SegmentParameters) 
 
 
 def _movements(
-    demonstration: Demonstration, found: Crossings | InputError, parameters: SegmentParameters
+    demonstration: Demonstration, crossings: Crossings | InputError, parameters: SegmentParameters
 ) -> dict[str, Movement]:
     """Signals to align, per primitive with an axis; raises the reason if there are no crossings."""
-    if isinstance(found, InputError):
-        raise found
+    if isinstance(crossings, InputError):
+        raise crossings
     dt, movements = demonstration.dt, {}
-    axes = {one.name: one.shown_by for one in parameters.primitives if one.name in found}
-    for name, crossing in found.items():
+    axes = {part.name: part.shown_by for part in parameters.primitives if part.name in crossings}
+    for name, crossing in crossings.items():
         smooth = signals.low_pass(path(demonstration, axes[name]), dt, parameters.align_cutoff_hz)
         movements[name] = Movement(dt, smooth, signals.derivative(smooth, dt), crossing)
     return movements
@@ -159,13 +159,13 @@ def _cut_rows(
     dt, duration = demonstration.dt, demonstration.time[-1]
     rows = []
     for method in METHODS:
-        found = {name: one.ends(method) for name, one in refined.items()}
+        ends = {name: aligned.ends(method) for name, aligned in refined.items()}
         for index, primitive in enumerate(parameters.primitives):
             if primitive.axis == BETWEEN:
                 before, after = parameters.primitives[index - 1], parameters.primitives[index + 1]
-                start, end = found[before.name][1], found[after.name][0]
+                start, end = ends[before.name][1], ends[after.name][0]
             else:
-                start, end = found[primitive.name]
+                start, end = ends[primitive.name]
             start_s, end_s = np.clip([start * dt, end * dt], 0.0, duration)
             if method == RESULT and end_s - start_s < 2 * dt:
                 raise InputError(
@@ -176,9 +176,10 @@ def _cut_rows(
     return pd.DataFrame(rows, columns=TABLE_COLUMNS["cuts"])
 
 
-def _pair_rows(demonstration: str, primitive: str, one: Refined) -> pd.DataFrame:
-    reference_s, guess_s = one.reference.dt * one.pairs[:, 0], one.own.dt * one.pairs[:, 1]
-    columns = (demonstration, primitive, reference_s, guess_s, one.weights)
+def _pair_rows(demonstration: str, primitive: str, aligned: Refined) -> pd.DataFrame:
+    reference_s = aligned.reference.dt * aligned.pairs[:, 0]
+    guess_s = aligned.own.dt * aligned.pairs[:, 1]
+    columns = (demonstration, primitive, reference_s, guess_s, aligned.weights)
     return pd.DataFrame(dict(zip(PAIR_COLUMNS, columns, strict=True)))
 
 
@@ -190,7 +191,7 @@ def commanded_cuts(runs: Sequence[Demonstration], names: Sequence[str]) -> dict[
     labels = pd.Index([run.name for run in runs], name="demonstration")
     segments = [run.true_segments for run in runs if run.true_segments is not None]
     return {
-        name: pd.DataFrame([one[place] for one in segments], columns=["start_s", "end_s"], index=labels)
+        name: pd.DataFrame([rows[place] for rows in segments], columns=["start_s", "end_s"], index=labels)
         for place, name in enumerate(names)
     }
 
@@ -205,5 +206,5 @@ def execution_cuts(
     """
     if all(run.true_segments is not None and len(run.true_segments) == len(names) for run in runs):
         return commanded_cuts(runs, names)
-    found = cut(runs, parameters.model_copy(update={"reference": None, "skip_failures": False}))
-    return {name: found.result(name)[["start_s", "end_s"]] for name in names}
+    segmentation = cut(runs, parameters.model_copy(update={"reference": None, "skip_failures": False}))
+    return {name: segmentation.result(name)[["start_s", "end_s"]] for name in names}
