@@ -71,11 +71,11 @@ def segment_paths(
 
 
 def orientations(segments: Sequence[Segment]) -> list[OrientationTrajectory]:
-    """Orientations of segments. Raises InputError: a segment has none."""
-    orientations = [orientation for _, orientation in segments if orientation is not None]
-    if len(orientations) < len(segments):
-        raise InputError("a segment has no orientation")
-    return orientations
+    """Orientations of segments. Raises ValueError: a segment has none."""
+    present = [orientation for _, orientation in segments if orientation is not None]
+    if len(present) < len(segments):
+        raise ValueError("a segment has no orientation")
+    return present
 
 
 def learn_primitive(name: str, segments: Sequence[Segment], parameters: FitParameters) -> PosePrimitive:
