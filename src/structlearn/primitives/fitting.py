@@ -54,7 +54,7 @@ def segment_paths(
     samples, or some demonstrations have no orientation.
     """
     segments: list[Segment] = []
-    for demonstration in (run for run in demonstrations if run.name in cuts.index):
+    for demonstration in (one for one in demonstrations if one.name in cuts.index):
         cut = cuts.loc[demonstration.name]
         first, last = (round(float(cut[end]) / demonstration.dt) for end in ("start_s", "end_s"))
         if last - first < 2:
@@ -71,11 +71,11 @@ def segment_paths(
 
 
 def orientations(segments: Sequence[Segment]) -> list[OrientationTrajectory]:
-    """Orientations of segments. Raises ValueError: a segment has none."""
-    present = [orientation for _, orientation in segments if orientation is not None]
-    if len(present) < len(segments):
-        raise ValueError("a segment has no orientation")
-    return present
+    """Orientations of segments. Raises InputError: a segment has none."""
+    found = [orientation for _, orientation in segments if orientation is not None]
+    if len(found) < len(segments):
+        raise InputError("a segment has no orientation")
+    return found
 
 
 def learn_primitive(name: str, segments: Sequence[Segment], parameters: FitParameters) -> PosePrimitive:
@@ -94,8 +94,8 @@ def learn_sequence(
     `cuts`: by primitive in order of time, each as in `segment_paths`.
     """
     return [
-        learn_primitive(name, segment_paths(demonstrations, segments, parameters.smoothing_hz), parameters)
-        for name, segments in cuts.items()
+        learn_primitive(name, segment_paths(demonstrations, its, parameters.smoothing_hz), parameters)
+        for name, its in cuts.items()
     ]
 
 
@@ -112,9 +112,9 @@ def cross_validation(
     `left_out`: False if the primitive was learned from all demonstrations, True if without this fold.
     """
     tables = []
-    for name, bounds in cuts.items():
-        segments = segment_paths(demonstrations, bounds, parameters.smoothing_hz)
-        names = [demonstration.name for demonstration in demonstrations if demonstration.name in bounds.index]
+    for name, its in cuts.items():
+        segments = segment_paths(demonstrations, its, parameters.smoothing_hz)
+        names = [demonstration.name for demonstration in demonstrations if demonstration.name in its.index]
         for regression in get_args(Regression):
             choice = parameters.model_copy(update={"regression": regression})
             errors = {False: reproduction_errors(learn_primitive(name, segments, choice), segments)}
@@ -170,12 +170,12 @@ def reproduction_summary(errors: pd.DataFrame) -> pd.DataFrame:
     known = [column for column in REPRODUCTION_ERRORS if column in errors.columns]
     how = {column: "mean" if column.startswith("mean") else "max" for column in known}
     keys = ["primitive", "regression", "left_out"]
-    summary = errors.groupby(keys, as_index=False, sort=False).agg(how)
+    found = errors.groupby(keys, as_index=False, sort=False).agg(how)
 
     def in_first_order(column: pd.Series) -> pd.Series:
         return pd.Series(pd.factorize(column)[0], index=column.index)
 
-    return summary.sort_values(keys, key=in_first_order, ignore_index=True)
+    return found.sort_values(keys, key=in_first_order, ignore_index=True)
 
 
 def _overall_nmse(prediction: np.ndarray, target: np.ndarray) -> float:

@@ -78,8 +78,8 @@ def fit_orientation(
 def default_goals(primitives: Sequence[PosePrimitive]) -> list[PoseGoal]:
     """The mean goals of the demonstrations."""
     return [
-        PoseGoal(part.position.goal, None if part.orientation is None else part.orientation.goal)
-        for part in primitives
+        PoseGoal(one.position.goal, None if one.orientation is None else one.orientation.goal)
+        for one in primitives
     ]
 
 

@@ -37,7 +37,7 @@ from structlearn.core.metrics import matching
 from structlearn.core.params import read_values
 from structlearn.reporting.evidence import UNKNOWN, Evidence, Found, clustered_share, difference
 from structlearn.reporting.findings import Findings
-from structlearn.tactile.electrodes import SKINS, Skin, align_map
+from structlearn.tactile.electrodes import SKINS, Skin, map_laying
 from structlearn.tactile.latent_parameters import FORWARD_OF, JACOBIAN, LOCALLY_LINEAR, NO_INVERSE, STRUCTURES
 from structlearn.tactile.touch_dataset import SPLITS, TEST, TEST_STRIDE, Chains, TouchDataset, chains
 
@@ -199,7 +199,7 @@ class ServoingResults:
         """Latent map (N, 2) in mm, aligned with the surface coordinates."""
         unit_mm = 1e3 * self.chosen["train_latent"].map_unit_m
         flat = unit_mm * self.models.latent_map[["x", "y"]].to_numpy(float)
-        return align_map(flat, self.places)(flat)
+        return map_laying(flat, self.places)(flat)
 
     @cached_property
     def contact_errors(self) -> pd.DataFrame:

@@ -15,7 +15,7 @@ from pydantic import Field
 
 from structlearn.core import quaternion
 from structlearn.core.params import Parameters
-from structlearn.tactile.electrodes import MapAlignment, Skin, align_map
+from structlearn.tactile.electrodes import MapLaying, Skin, map_laying
 from structlearn.viewer.rrd import (
     deviation_colours,
     entity,
@@ -78,13 +78,13 @@ class FlatSkin:
     """A skin in flat pictures, with the latent map aligned to it."""
 
     skin: Skin
-    laying: MapAlignment  # alignment of the map, in mm
+    laying: MapLaying  # alignment of the map, in mm
     unit_mm: float  # mm per unit of the map
 
     @classmethod
     def fitted(cls, skin: Skin, contact_points: np.ndarray, latent: np.ndarray, map_unit: float) -> Self:
         """Fit to N contact points (N, 3) m and map coordinates (N, 2) in units of `map_unit` m."""
-        laying = align_map(1e3 * map_unit * latent, flat(skin, contact_points.astype(float)))
+        laying = map_laying(1e3 * map_unit * latent, flat(skin, contact_points.astype(float)))
         return cls(skin, laying, 1e3 * map_unit)
 
     def places(self, points: np.ndarray) -> np.ndarray:

@@ -11,7 +11,7 @@ import pandas as pd
 
 from structlearn.networks.torch_settings import as_tensor
 from structlearn.readers.user_tables import TouchLog
-from structlearn.tactile.electrodes import align_map
+from structlearn.tactile.electrodes import map_laying
 from structlearn.tactile.latent_models import TrainedTouch
 from structlearn.tactile.latent_training import Pairs
 from structlearn.tactile.pressed_skin import PLANE, PressedSkin
@@ -161,7 +161,7 @@ def readings(learned: TrainedTouch, known: tuple[Touches, np.ndarray], asked: Pr
             coordinates=flat,
             place=polynomial(known[:, :PLANE], plane, degree)(new[:, :PLANE]),
             depth=polynomial(known, wanted[:, PLANE:], degree)(new)[:, 0],
-            laid=align_map(length * known[:, :PLANE], plane)(flat),
+            laid=map_laying(length * known[:, :PLANE], plane)(flat),
             pressure=new[:, PLANE],
         )
 
