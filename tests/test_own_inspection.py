@@ -10,7 +10,7 @@ from readers_bags import joint_messages, pose_messages, transform_messages, tran
 
 from dissertation.simulation.pick_and_place import TIP, URDF, takes, write_takes
 from structlearn.core.errors import InputError
-from structlearn.readers import bag
+from structlearn.readers import raw_messages
 from structlearn.readers.computed_pose import TransformSeries
 from structlearn.rigid_body.urdf import urdf_path
 from structlearn.tasks.inspection.proposal import from_home, task_name
@@ -51,9 +51,11 @@ def rewritten(source, target, topics, change=lambda topic, messages: messages):
     """Some topics of every bag of a folder, each changed or not."""
     target.mkdir()
     for path in sorted(source.iterdir()):
-        found = bag.read_bag(path, topics).messages
+        found = raw_messages.read_bag(path, topics).messages
         changed = {topic: change(topic, messages) for topic, messages in found.items()}
-        bag.write_bag(target / path.name, {"provenance": "{}", "true_segments": "null"}, changed.items())
+        raw_messages.write_bag(
+            target / path.name, {"provenance": "{}", "true_segments": "null"}, changed.items()
+        )
     return target
 
 

@@ -81,8 +81,8 @@ DEEP = "nested too deeply"
         ("a:\r" + "- " * 200_000, YAML + DEEP),
         ("segment: {extension_s: 1\nother: [", YAML + ".*line 2"),
         (b"PAR1\x80\x81\xff", YAML),
-        ("segment: {}\nsegment: {}\n", r"key 'segment' stands twice \(line 2\)$"),
-        ("segment: {filter: {cutoff_hz: 1, cutoff_hz: 2}}", r"key 'cutoff_hz' stands twice \(line 1\)$"),
+        ("segment: {}\nsegment: {}\n", r"key 'segment' is defined twice \(line 2\)$"),
+        ("segment: {filter: {cutoff_hz: 1, cutoff_hz: 2}}", r"key 'cutoff_hz' is defined twice \(line 1\)$"),
     ],
 )
 def test_a_fault_is_named_with_its_file_and_dotted_key(tmp_path, text, expected):
@@ -227,7 +227,7 @@ def test_nobody_is_told_to_let_dvc_write_the_parameters_anew(root):
     ("seeds", "words"),
     [
         ({"tuning": [1, 2], "test": [2, 3]}, r"seeds \[2\] are in `tuning` and in `test`"),
-        ({"tuning": [1], "test": [2, 2]}, "stands twice"),
+        ({"tuning": [1], "test": [2, 2]}, "is defined twice"),
         ({"tuning": [], "test": [2]}, "at least 1 item"),
     ],
 )

@@ -17,7 +17,14 @@ from structlearn.readers import Demonstration, read_demonstrations, synchronise
 from structlearn.segmentation import find_crossings
 from structlearn.segmentation import motion_runs as runs
 from structlearn.segmentation.parameters import SegmentParameters
-from structlearn.segmentation.run_assignment import DISPLACED, HASTE, LEFT_OUT, MISSING, RESTED, assign
+from structlearn.segmentation.run_assignment import (
+    DISPLACED,
+    HASTE,
+    MISSING,
+    PAUSE_PRICE,
+    UNASSIGNED_PRICE,
+    assign,
+)
 from structlearn.segmentation.segments import cut, read_segmentation, write_segmentation
 
 TASK = EXAMPLE_TASK
@@ -46,7 +53,7 @@ def test_runs_are_where_the_speed_is_above_the_threshold():
 def test_runs_with_a_short_dip_between_them_are_candidates_alone_and_joined():
     moved = along_a_line(SPEED)
     found = runs.candidates(moved, runs.Search((0.5,), 1.0, 1, 9))
-    assert list(zip(found.first, found.last, found.rested, strict=True)) == [
+    assert list(zip(found.first, found.last, found.paused_s, strict=True)) == [
         (1, 5, 0),
         (7, 10, 0),
         (7, 12, 1),
@@ -77,28 +84,32 @@ def by_hand(demonstrations: list[list[runs.Candidates]]) -> float:
         """Price of what is left out and of rests within."""
         one = primitives[0]
         edges = [0, *(end for g in chain for end in (one.first[g], one.last[g])), len(one.path) - 1]
-        price = RESTED * sum(one.rested[g] for g in chain)
+        price = PAUSE_PRICE * sum(one.paused_s[g] for g in chain)
         for since, until in zip(edges[::2], edges[1::2], strict=True):
             gone = one.travelled[until] - one.travelled[since]
             displaced = min(abs(one.path[until, 0] - one.path[since, 0]), gone)
-            price += LEFT_OUT * (gone + DISPLACED * displaced) / way
+            price += UNASSIGNED_PRICE * (gone + DISPLACED * displaced) / way
         return price
 
-    def unlike(a, g, b, h):
+    def mismatch(a, g, b, h):
         moved = a.path[a.last[g]] - a.path[a.first[g]] - (b.path[b.last[h]] - b.path[b.first[h]])
-        apart = np.linalg.norm(moved) / (0.5 * (a.way[g] + b.way[h]))
-        return apart + HASTE * abs(np.log(a.duration[g] / b.duration[h])) + abs(np.log(a.way[g] / b.way[h]))
+        apart = np.linalg.norm(moved) / (0.5 * (a.path_length[g] + b.path_length[h]))
+        return (
+            apart
+            + HASTE * abs(np.log(a.duration[g] / b.duration[h]))
+            + abs(np.log(a.path_length[g] / b.path_length[h]))
+        )
 
     totals = []
     for reference in demonstrations:
         for chain in chains(reference):
             total = extra(reference, chain, reference[0].travelled[-1] / len(reference))
-            way = np.mean([one.way[g] for one, g in zip(reference, chain, strict=True)])
+            way = np.mean([one.path_length[g] for one, g in zip(reference, chain, strict=True)])
             for other in demonstrations:
                 if other is not reference:
                     costs = [
                         extra(other, its, way)
-                        + sum(unlike(*pair) for pair in zip(reference, chain, other, its, strict=True))
+                        + sum(mismatch(*pair) for pair in zip(reference, chain, other, its, strict=True))
                         for its in chains(other)
                     ]
                     total += min([*costs, MISSING * len(reference)])

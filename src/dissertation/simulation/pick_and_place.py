@@ -21,10 +21,10 @@ from structlearn.core import minimum_jerk, quaternion
 from structlearn.core.artefacts import publish
 from structlearn.core.frames import UP
 from structlearn.core.stage import run
-from structlearn.readers.bag import RawMessages, write_bag
 from structlearn.readers.bag_recording import to_metadata
 from structlearn.readers.demonstration import Kind, Recording, Stream
-from structlearn.readers.messages import joint_messages, to_messages
+from structlearn.readers.message_streams import joint_messages, to_messages
+from structlearn.readers.raw_messages import RawMessages, write_bag
 from structlearn.rigid_body.urdf import urdf_path
 
 # Fingertip positions in the arm's base frame, m, and their scatter (std per axis)

@@ -33,13 +33,13 @@ def code_digests(sources: Iterable[Path]) -> Iterator[tuple[str, str]]:
         for file in sorted(source.rglob("*")):
             hidden = "__pycache__" in file.parts or file.name.startswith(".") or file.name == DEFAULTS
             if file.is_file() and not hidden:
-                package = next(one for one in file.parents if (one / "__init__.py").exists())
+                package = next(folder for folder in file.parents if (folder / "__init__.py").exists())
                 files.setdefault(code_key(package, source), []).append(file)
         for key, members in files.items():
-            found = hashlib.sha256()
+            digest = hashlib.sha256()
             for file in members:
-                found.update(file.relative_to(source).as_posix().encode() + b"\0" + file.read_bytes())
-            yield key, found.hexdigest()[:16]
+                digest.update(file.relative_to(source).as_posix().encode() + b"\0" + file.read_bytes())
+            yield key, digest.hexdigest()[:16]
 
 
 def code_key(package: Path, source: Path = LIBRARY) -> str:

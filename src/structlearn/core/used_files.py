@@ -145,13 +145,17 @@ def _sources() -> dict[str, _Used]:
 
 def _packages() -> list[str]:
     """Folders of this package and of those loaded from beside a project, not installed."""
-    loaded = (folder for name, one in sys.modules.items() if "." not in name for folder in _folders(one))
+    loaded = (
+        folder for name, module in sys.modules.items() if "." not in name for folder in _folders(module)
+    )
     own = str(Path(__file__).parents[1])
-    return [own, *(one for one in loaded if one != own and not one.startswith((sys.prefix, sys.base_prefix)))]
+    installed = (sys.prefix, sys.base_prefix)
+    return [own, *(folder for folder in loaded if folder != own and not folder.startswith(installed))]
 
 
 def _folders(module: object) -> list[str]:
-    return [one for one in getattr(module, "__path__", ()) if isinstance(one, str) and "-packages" not in one]
+    folders = getattr(module, "__path__", ())
+    return [folder for folder in folders if isinstance(folder, str) and "-packages" not in folder]
 
 
 def _loaded() -> Iterator[_Used]:

@@ -9,7 +9,7 @@ A reader is a module with a function per kind of data, `read_KIND`; it has the n
     read_touch(folder, entry, left_out) -> list[TouchLog], or list[Recording] if `entry.surfaces`
 
 `entry` has the task's parameters; `left_out[file] = reason` records what could not be read. The reader `bags`
-is the kind's own, for all formats of `readers.source`.
+is the kind's own, for all formats of `readers.source_files`.
 """
 
 import shutil
@@ -25,7 +25,7 @@ from structlearn.core.artefacts import publish, write_csv
 from structlearn.core.errors import InputError, MissingInputError
 from structlearn.readers import Recording, synchronise
 from structlearn.readers.demonstration import Demonstration, write_streams
-from structlearn.readers.source import ClockParameters, SourceParameters
+from structlearn.readers.source_parameters import ClockParameters, SourceParameters
 from structlearn.tasks.kinds import part
 from structlearn.tasks.task_files import LEFT_OUT, is_public, leave_out, local_path
 

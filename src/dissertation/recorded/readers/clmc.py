@@ -19,7 +19,7 @@ from structlearn.readers.foreign_tables import (
     natural_order,
     read_each,
     read_stamped_table,
-    read_table,
+    read_text_table,
     uniform_stamps,
 )
 
@@ -129,7 +129,7 @@ def _unscrewing(folder: Path, path: Path) -> Recording:
 def _primitive(folder: Path, primitive: Path) -> Recording:
     columns = {"position": 9, "orientation": 10, "sense_proprio": 7}
     columns |= {"sense_R_LF": ELECTRODES, "sense_R_RF": ELECTRODES}
-    tables = {name: read_table(primitive / name, width) for name, width in columns.items()}
+    tables = {name: read_text_table(primitive / name, width) for name, width in columns.items()}
     position, orientation, joints, left, right = tables.values()
     for name, table in tables.items():
         if len(table) != len(position):

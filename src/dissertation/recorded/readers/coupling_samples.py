@@ -16,7 +16,7 @@ from structlearn.avoidance import features
 from structlearn.avoidance.avoidance_dataset import AvoidanceDataset
 from structlearn.core.errors import InputError, MissingInputError
 from structlearn.primitives import canonical, kernels
-from structlearn.readers.foreign_tables import read_table
+from structlearn.readers.foreign_tables import read_text_table
 
 FOLDER = "obs_avoid/pmnn_unroll_test_dataset"
 # parts of the files' names, and numbers of columns
@@ -47,7 +47,7 @@ def read_coupling(folder: Path, entry: Any = None, left_out: Any = None) -> Reco
     paths = sample_files(folder)
     if not any(path.exists() for path in paths.values()):
         raise MissingInputError(f"{folder / FOLDER}: holds no samples of obstacle avoidance")
-    seen, target, modulation = (read_table(paths[name], columns) for name, (_, columns) in FILES.items())
+    seen, target, modulation = (read_text_table(paths[name], columns) for name, (_, columns) in FILES.items())
     for name, table in zip(FILES, (seen, target, modulation), strict=True):
         if len(table) != len(seen):
             raise InputError(

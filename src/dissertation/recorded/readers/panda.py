@@ -10,7 +10,13 @@ from pathlib import Path
 from typing import Any
 
 from structlearn.core.errors import InputError
-from structlearn.readers.foreign_tables import LeftOut, PublicSet, read_each, read_stamped_table, read_table
+from structlearn.readers.foreign_tables import (
+    LeftOut,
+    PublicSet,
+    read_each,
+    read_stamped_table,
+    read_text_table,
+)
 from structlearn.readers.joint_log import JointLog
 
 SOURCE = PublicSet(
@@ -43,7 +49,7 @@ def _read(folder: Path, positions: Path) -> JointLog:
     stamps, _ = read_stamped_table(times, 1)
     signals = {}
     for signal, path in paths.items():
-        values = read_table(path, 1)
+        values = read_text_table(path, 1)
         if values.size != len(stamps) * len(JOINTS):
             raise InputError(
                 f"{path}: has {values.size} numbers, expected {len(JOINTS)} for each of the {len(stamps)} "

@@ -13,7 +13,7 @@ import numpy as np
 from structlearn.core.errors import InputError, MissingInputError
 from structlearn.readers.foreign_tables import LeftOut, PublicSet, check_rising, read_each, read_stamped_table
 from structlearn.readers.joint_log import DriveLog, signals_of
-from structlearn.readers.source import check_names
+from structlearn.readers.source_files import check_names
 
 SOURCE = PublicSet(
     "https://github.com/shamilmamedov/dynamic_calibration",

@@ -1,7 +1,8 @@
 """Parameters of reaches past obstacles. Fields: `defaults.obstacles` in `tasks/stages/params.yaml`."""
 
 from structlearn.avoidance.scene_reaches import SceneLearningParameters
-from structlearn.readers.source import ClockParameters, SceneTopicMap, SourceParameters
+from structlearn.readers.source_parameters import ClockParameters, SourceParameters
+from structlearn.readers.topics import SceneTopicMap
 
 
 class ObstacleParameters(SourceParameters, SceneLearningParameters):

@@ -3,7 +3,7 @@
 Stamps. Messages with a header are stamped by the header: the time of the sample. If no header stamp of a
 topic is set (all are zero), for types without a header, and on request, the log time is used: the time of
 reception by the recorder. The choice is made per topic, so that a simulator's clock may start at zero. Joint
-states are separated by joint, see `joint_log`.
+states are separated by joint, see `joint_streams`.
 
 Shapes. A topic of markers gives named shapes: cubes, spheres and cylinders at rest. Only its first message is
 used.
@@ -30,11 +30,12 @@ from mcap.well_known import SchemaEncoding
 from structlearn.core import quaternion
 from structlearn.core.errors import InputError
 from structlearn.core.params import read_values
-from structlearn.readers.bag import RawMessages
-from structlearn.readers.cdr import Decoded, columns, decoded, short_name
 from structlearn.readers.clock import at_row, in_order
+from structlearn.readers.decoded_messages import Decoded, columns, decoded, short_name
 from structlearn.readers.demonstration import JOINT_KINDS, Form, Kind, NamedShape, Stream
-from structlearn.readers.source import Role, StampPolicy
+from structlearn.readers.raw_messages import RawMessages
+from structlearn.readers.source_parameters import StampPolicy
+from structlearn.readers.topics import Role
 
 FRAME = "base"  # frame_id that we write: the robot's base
 LAST_STAMP = 2**31 * 10**9 - 1  # ns: seconds of a header are int32
@@ -132,14 +133,14 @@ def sample_stamps(messages: RawMessages, groups: Sequence[Decoded], policy: Stam
 
 def numbers(message: Any, *paths: str) -> list:
     """Numbers of some fields of a message, vectors or `data`; for many messages a column (M,) each."""
-    found: list = []
+    columns_read: list = []
     for path in paths:
         part = attrgetter(path)(message)
         if path == "data":
-            found += sequence(part)
+            columns_read += sequence(part)
         else:
-            found += [part.x, part.y, part.z, *([part.w] if hasattr(part, "w") else [])]
-    return found
+            columns_read += [part.x, part.y, part.z, *([part.w] if hasattr(part, "w") else [])]
+    return columns_read
 
 
 def sequence(field: Any) -> list:
@@ -163,16 +164,18 @@ def table(
     values = np.full((len(stamps), len(joints) or len(fields[0])), np.nan)
     place_of = {name: place for place, name in enumerate(joints)}
     widths: dict[frozenset[str], int] = {}
-    for group, its, names in zip(groups, fields, orders or [()] * len(groups), strict=True):
-        width = widths.setdefault(frozenset(names), len(its))
-        if len(its) != width:
+    for group, group_columns, names in zip(groups, fields, orders or [()] * len(groups), strict=True):
+        width = widths.setdefault(frozenset(names), len(group_columns))
+        if len(group_columns) != width:
             row = at_row(int(group.rows[0]), stamps)
-            raise InputError(f"{where}: {row} has {len(its)} values, the first has {width}")
+            raise InputError(f"{where}: {row} has {len(group_columns)} values, the first has {width}")
         if names and width not in (0, len(names)):
             raise InputError(f"{where} names {len(names)} joints and has {width} {kind} per message")
         if width:
             places = np.array([place_of[name] for name in names] or range(width))
-            values[group.rows[:, None], places] = np.array(its, dtype=float).reshape(width, len(group.rows)).T
+            values[group.rows[:, None], places] = (
+                np.array(group_columns, dtype=float).reshape(width, len(group.rows)).T
+            )
     return values
 
 
@@ -206,10 +209,10 @@ def joint_messages(
 ) -> RawMessages:
     """Joint states, one per row: (T,) int64 ns, and (T, J) per kind that is filled."""
     message_type = MESSAGE_TYPES["joint_positions"]
-    lengths = {FIELDS[kind]: its.shape[1] for kind, its in values.items()}
+    lengths = {FIELDS[kind]: signal.shape[1] for kind, signal in values.items()}
     content, fields = _blank(where, message_type, stamps, names, lengths)
-    for kind, its in values.items():
-        getattr(fields, FIELDS[kind])[:] = its
+    for kind, signal in values.items():
+        getattr(fields, FIELDS[kind])[:] = signal
     return _of_one_type(message_type, stamps, content)
 
 
@@ -222,17 +225,17 @@ def to_shapes(where: str, messages: RawMessages) -> tuple[NamedShape, ...]:
     first = RawMessages(messages.log_times[:1], messages.schemas[:1], messages.data[:1])
     ((_, message),) = decoded(where, first)
     with fields_named(where):
-        found = []
-        for one in getattr(message, "markers", [message]):
-            fields = (one.id, one.type, *numbers(one, "pose.position", "pose.orientation", "scale"))
+        solids = []
+        for marker in getattr(message, "markers", [message]):
+            fields = (marker.id, marker.type, *numbers(marker, "pose.position", "pose.orientation", "scale"))
             number, kind, *values = (
                 float(np.ravel(value)[0]) for value in fields
             )  # may be columns with a single row
             if kind in SOLIDS:
-                found.append((one.ns, int(number), SOLIDS[int(kind)], np.array(values)))
-    spaces = [space for space, *_ in found]
+                solids.append((marker.ns, int(number), SOLIDS[int(kind)], np.array(values)))
+    spaces = [space for space, *_ in solids]
     shapes = []
-    for space, number, form, row in found:
+    for space, number, form, row in solids:
         name = space if spaces.count(space) == 1 else f"{space} {number}"
         position, orientation, size = np.split(row, (3, 7))
         if not (np.isfinite(row).all() and (size > 0).all()):
@@ -273,8 +276,8 @@ def definition(message_type: str) -> str:
     texts, names = read_values(Path(__file__).with_suffix(".yaml")), [short_name(message_type)]
     for name in names:  # grows while nested types are found
         nested = re.findall(r"^(\w+/\w+)", texts[name], re.MULTILINE)
-        names += [one for one in dict.fromkeys(nested) if one not in names]
-    return f"{'=' * 80}\n".join([texts[names[0]], *(f"MSG: {one}\n{texts[one]}" for one in names[1:])])
+        names += [name for name in dict.fromkeys(nested) if name not in names]
+    return f"{'=' * 80}\n".join([texts[names[0]], *(f"MSG: {name}\n{texts[name]}" for name in names[1:])])
 
 
 def _of_one_type(message_type: str, stamps: np.ndarray, content: np.ndarray) -> RawMessages:
@@ -293,9 +296,9 @@ def _blank(
         raise InputError(f"{where}: stamps {fault} cannot be written")
     template = _template(message_type, tuple(names), tuple(lengths.items()))
     messages = np.tile(np.frombuffer(template, dtype=np.uint8), (len(stamps), 1))
-    found = columns(message_type, definition(message_type), messages)
-    assert found is not None  # our definitions are simple
-    fields, _ = found
+    layout = columns(message_type, definition(message_type), messages)
+    assert layout is not None  # our definitions are simple
+    fields, _ = layout
     if hasattr(fields, "header"):
         stamp = fields.header.stamp
         stamp.sec[:], stamp.nanosec[:] = np.divmod(stamps, 10**9)

@@ -16,7 +16,7 @@ import numpy as np
 from mcap.records import Schema
 from mcap.well_known import MessageEncoding
 
-from structlearn.readers.bag import RawMessages, damage_named
+from structlearn.readers.raw_messages import RawMessages, damage_named
 
 MOST_LAYOUTS = 50  # per message length: a robot's frames need several, varying texts any number
 LITTLE_ENDIAN = 1  # second byte of a message in plain little-endian CDR, sent by x86 and ARM robots
@@ -67,10 +67,10 @@ def _of_one_length(schema: Schema, rows: np.ndarray, raw: np.ndarray) -> Iterato
     """Decode messages (M, L) of one type: grouped by layout while there are few."""
     text = schema.data.decode()
     for _ in range(MOST_LAYOUTS):
-        found = columns(schema.name, text, raw)
-        if found is None:
+        layout = columns(schema.name, text, raw)
+        if layout is None:
             break
-        fields, alike = found
+        fields, alike = layout
         if alike.all():
             yield Decoded(rows, fields)
             return
@@ -124,7 +124,8 @@ class _Layout:
         """Fields of a message that starts here."""
         package = message_type.partition("/")[0]
         fields = definitions[message_type]
-        return SimpleNamespace(**{one["name"]: self._field(definitions, package, one) for one in fields})
+        values = {field["name"]: self._field(definitions, package, field) for field in fields}
+        return SimpleNamespace(**values)
 
     def _field(self, definitions: dict[str, list[re.Match]], package: str, field: re.Match) -> Any:
         kind, count = field["type"], 1
@@ -165,15 +166,15 @@ class _Layout:
 
 def _definitions(message_type: str, definition: str) -> dict[str, list[re.Match]]:
     """Fields of each type by its name. Raises ValueError: a line is not a field."""
-    found: dict[str, list[re.Match]] = {short_name(message_type): []}
+    definitions: dict[str, list[re.Match]] = {short_name(message_type): []}
     for line in (line.partition("#")[0].strip() for line in definition.splitlines()):
         if line.startswith("MSG:"):
-            found[line.removeprefix("MSG:").strip()] = []
+            definitions[line.removeprefix("MSG:").strip()] = []
         elif line and line.strip("=") and not _CONSTANT.match(line):
             field = _FIELD.fullmatch(line)
             if field is None:
                 raise ValueError(f"not a field: {line}")
-            found[next(reversed(found))].append(field)
-    if not all(found.values()):
+            definitions[next(reversed(definitions))].append(field)
+    if not all(definitions.values()):
         raise ValueError("a message without fields has a byte that is not in its definition")
-    return found
+    return definitions

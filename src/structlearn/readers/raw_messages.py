@@ -28,9 +28,9 @@ from mcap.writer import MCAP0_MAGIC, Writer
 
 from structlearn.core.errors import InputError
 from structlearn.core.reading import PER_MESSAGE, Budget, require_file
-from structlearn.readers.source import COMPRESSED, RecordingFile
+from structlearn.readers.source_files import COMPRESSED, RecordingFile
 
-METADATA = "structlearn"  # name of the metadata record of our own files
+METADATA_RECORD = "structlearn"  # name of the metadata record of our own files
 
 # Largest unpacked chunk in bytes; writers start a new one after a few million, those of ROS 1 after one
 # million.
@@ -64,10 +64,11 @@ class Bag:
         if self.metadata is None:
             return {"origin": "recorded", "source": path.name}
         with damage_named(path):
-            found = json.loads(self.metadata["provenance"])
-            if not isinstance(found, dict) or not all(isinstance(word, str) for word in found.values()):
+            provenance = json.loads(self.metadata["provenance"])
+            words = provenance.values() if isinstance(provenance, dict) else [None]
+            if not all(isinstance(word, str) for word in words):
                 raise _Damage("its provenance is not a mapping of words to words")
-        return found
+        return provenance
 
 
 def _bag(types: Iterable[tuple[str, str]], rows: Mapping[str, Iterable[Row]], metadata: Any = None) -> Bag:
@@ -76,11 +77,11 @@ def _bag(types: Iterable[tuple[str, str]], rows: Mapping[str, Iterable[Row]], me
     for topic, message_type in types:
         topics.setdefault(topic, {})[message_type] = None
     messages = {}
-    for topic, its in rows.items():
-        if ordered := sorted(its, key=itemgetter(0)):  # stable for equal times
+    for topic, unsorted in rows.items():
+        if ordered := sorted(unsorted, key=itemgetter(0)):  # stable for equal times
             log_times, schemas, data = zip(*ordered, strict=True)
             messages[topic] = RawMessages(np.array(log_times, dtype=np.int64), schemas, data)
-    return Bag({topic: list(its) for topic, its in topics.items()}, messages, metadata)
+    return Bag({topic: list(types_of_topic) for topic, types_of_topic in topics.items()}, messages, metadata)
 
 
 def read_bags(file: RecordingFile, topics: Collection[str]) -> Bag:
@@ -89,11 +90,11 @@ def read_bags(file: RecordingFile, topics: Collection[str]) -> Bag:
     bags = [read(path, topics) for path in file.paths]
     if len(bags) == 1:
         return bags[0]
-    types = ((topic, one) for bag in bags for topic, its in bag.topics.items() for one in its)
+    types = ((topic, name) for bag in bags for topic, names in bag.topics.items() for name in names)
     rows: dict[str, list[Row]] = defaultdict(list)
     for bag in bags:
-        for topic, its in bag.messages.items():
-            rows[topic] += zip(its.log_times.tolist(), its.schemas, its.data, strict=True)
+        for topic, part in bag.messages.items():
+            rows[topic] += zip(part.log_times.tolist(), part.schemas, part.data, strict=True)
     return _bag(types, rows, next((bag.metadata for bag in bags if bag.metadata is not None), None))
 
 
@@ -107,17 +108,17 @@ def write_bag(
     with open(path, "wb") as file:
         writer = Writer(file, enable_data_crcs=True)
         writer.start(profile=Profile.ROS2)
-        writer.add_metadata(METADATA, dict(metadata))
+        writer.add_metadata(METADATA_RECORD, dict(metadata))
         schemas: dict[str, int] = {}
         rows: list[tuple[int, int, bytes]] = []
-        for topic, its in messages:
-            schema = its.schemas[0]
+        for topic, raw in messages:
+            schema = raw.schemas[0]
             assert schema is not None  # we wrote it
             if schema.name not in schemas:
                 schemas[schema.name] = writer.register_schema(schema.name, schema.encoding, schema.data)
             channel = writer.register_channel(topic, MessageEncoding.CDR, schemas[schema.name])
             rows += [
-                (stamp, channel, data) for stamp, data in zip(its.log_times.tolist(), its.data, strict=True)
+                (stamp, channel, data) for stamp, data in zip(raw.log_times.tolist(), raw.data, strict=True)
             ]
         for stamp, channel, data in sorted(rows, key=itemgetter(0)):
             writer.add_message(channel, log_time=stamp, data=data, publish_time=stamp)
@@ -224,9 +225,10 @@ def _read_mcap(file: BinaryIO, topics: Collection[str], budget: Budget) -> Bag:
     of = {number: schemas.get(channel.schema_id) for number, channel in channels.items()}
     types = ((channel.topic, _type_name(channel, of[number])) for number, channel in channels.items())
     rows = {
-        topic: ((time, of[number], data) for time, number, data in its) for topic, its in messages.items()
+        topic: ((time, of[number], data) for time, number, data in stored)
+        for topic, stored in messages.items()
     }
-    return _bag(types, rows, metadata.get(METADATA))
+    return _bag(types, rows, metadata.get(METADATA_RECORD))
 
 
 def _type_name(channel: Channel, schema: Schema | None) -> str:
@@ -348,4 +350,4 @@ def _read_older(
         budget.take(PER_MESSAGE)
         content = bytes(to_cdr(raw, connection.msgtype))
         rows[connection.topic].append((log_time, schemas[connection.msgtype], content))
-    return _bag(((one.topic, one.msgtype) for one in reader.connections), rows)
+    return _bag(((connection.topic, connection.msgtype) for connection in reader.connections), rows)
