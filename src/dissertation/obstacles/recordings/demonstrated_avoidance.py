@@ -17,12 +17,7 @@ from rerun.components import FillMode
 
 from dissertation.obstacles.names import DEMONSTRATIONS, FREE, HIT, KINDS, SOURCES, model_name
 from dissertation.obstacles.protocol.avoidance_protocols import NO_MODEL, TRAINED
-from dissertation.obstacles.protocol.unrolled_reaches import (
-    Group,
-    SituationKey,
-    of_model,
-    without_avoidance,
-)
+from dissertation.obstacles.protocol.unrolled_reaches import Group, SituationKey, of_model, without_avoidance
 from dissertation.obstacles.world.scenarios import Scenario
 from structlearn.avoidance.avoidance_dataset import to_local
 from structlearn.avoidance.shapes import Obstacle
@@ -31,7 +26,7 @@ from structlearn.core.params import Parameters
 from structlearn.primitives.position import PositionPrimitive
 from structlearn.readers.demonstration import Demonstration
 from structlearn.viewer import rrd
-from structlearn.viewer.rrd import FLOOR_SQUARE_M, entity, plot, rgba, scene_view, send_curve, time_column
+from structlearn.viewer.rrd import FLOOR_SQUARE_M, Recording, below, entity, plot, rgba, scene_view
 
 BARE = SOURCES[""]  # look of the reach without avoidance
 PALE = 0.5  # opacity of the many demonstrations and of future paths
@@ -105,19 +100,19 @@ def write_avoidance_demonstrations(
     `places`: a scenario of each setting, and whether the reach without avoidance hits an obstacle there.
     """
     origin = rrd.origin_label([*unhindered, *(one for group in shown for one in group.demonstrations)])
-    with rrd.recording(path, title) as stream:
-        rrd.send_notes(stream, _notes(title, origin, shown, unhindered, places))
-        everything = _send_settings(stream, unhindered, baseline, places)
-        floor = rrd.send_floor_axes(stream, "/axes", everything)
+    with rrd.recording(path, title) as to:
+        to.notes(_notes(title, origin, shown, unhindered, places))
+        everything = _send_settings(to, unhindered, baseline, places)
+        floor = to.floor_axes("/axes", everything)
         settings = scene_view("all settings", ["/places", "/unhindered/**", "/axes"], everything, floor)
         scenes, details = [], []
         for one in shown:
-            name, points = one.scenario.name, send_scenario(stream, one)
-            floor = rrd.send_floor_axes(stream, entity(name, "axes"), points)
+            name, points = one.scenario.name, send_scenario(to, one)
+            floor = to.floor_axes(entity(name, "axes"), points)
             parts = ("obstacle", "demonstrated", BARE.name, "hands", "axes")
-            contents = [f"{entity(name, part)}/**" for part in parts]
+            contents = [below(name, part) for part in parts]
             scenes.append(scene_view(name, contents, points, floor))
-            curves = rrb.Vertical(*_send_signals(stream, one, baseline))
+            curves = rrb.Vertical(*_send_signals(to, one, baseline))
             detail = scene_view(name, contents, points, floor)
             details.append(rrb.Horizontal(detail, curves, column_shares=[4, 3], name=name))
         views: dict[str, rrb.Container | rrb.View] = {
@@ -128,11 +123,11 @@ def write_avoidance_demonstrations(
             rrb.Horizontal(view, rrd.notes_view(), column_shares=[4, 1], name=words)
             for words, view in views.items()
         ]
-        stream.send_blueprint(rrd.layout(rrb.Tabs(*tabs, *details, active_tab=0)))
+        to.show(rrb.Tabs(*tabs, *details, active_tab=0))
 
 
 def _send_settings(
-    stream: rr.RecordingStream,
+    to: Recording,
     unhindered: Sequence[Demonstration],
     baseline: PositionPrimitive,
     places: Sequence[tuple[Scenario, bool]],
@@ -142,32 +137,30 @@ def _send_settings(
     colours = rgba([(HIT if hit else FREE).colour for _, hit in places])
     labels = [f"{place.setting:02d}" for place, _ in places]
     balls = rr.Points3D(centres, colors=colours, radii=0.012, labels=labels, show_labels=True)
-    stream.log("places", balls, static=True)
+    to.still("places", balls)
     paths = [one.position for one in unhindered]
-    send_paths(stream, entity("unhindered", "paths"), paths, DEMONSTRATIONS.colour, PALE)
+    send_paths(to, entity("unhindered", "paths"), paths, DEMONSTRATIONS.colour, PALE)
     bare = baseline.unroll(0.01).position
-    send_paths(stream, entity("unhindered", BARE.name), [bare], BARE.colour, width=2.0)
+    send_paths(to, entity("unhindered", BARE.name), [bare], BARE.colour, width=2.0)
     return np.concatenate([centres, *paths])
 
 
-def _send_signals(
-    stream: rr.RecordingStream, one: ShownScenario, baseline: PositionPrimitive
-) -> list[rrb.TimeSeriesView]:
+def _send_signals(to: Recording, one: ShownScenario, baseline: PositionPrimitive) -> list[rrb.TimeSeriesView]:
     """Log the demonstrated hands, and plot signals of the demonstrations and of no avoidance."""
     name, bare = one.scenario.name, without_avoidance(one.reaches)
     grey = DEMONSTRATIONS.colour
     people = [(person.name, person.time, person.position, grey) for person in one.demonstrations]
     for label, time, position, colour in people:
-        send_hand(stream, entity(name, "hands", label), time, position, colour)
+        send_hand(to, entity(name, "hands", label), time, position, colour)
     for label, time, position, colour in [*people, (BARE.name, bare.time, bare.position, BARE.colour)]:
         local = 1e3 * to_local(position, baseline)
         curves = {"distance": 1e3 * one.scenario.obstacle.signed_distance(position)}
         curves |= {side: local[:, axis] for axis, side in SIDES.items()}
         for part, values in curves.items():
-            send_curve(stream, entity(name, part, label), time, values, label, colour)
+            to.series(entity(name, part, label), time, values, label, colour)
     words = {"distance": "distance to the surface (mm)"}
     words |= {side: f"hand {side} the straight line (mm)" for side in SIDES.values()}
-    return [plot(heading, [f"{entity(name, part)}/**"], False) for part, heading in words.items()]
+    return [plot(heading, [below(name, part)], False) for part, heading in words.items()]
 
 
 def _notes(
@@ -198,54 +191,54 @@ def write_trained_avoidance(path: str | Path, shown: Sequence[ShownScenario], ti
     coupling terms over time beside the demonstrated ones.
     """
     origin = rrd.origin_label([one for group in shown for one in group.demonstrations])
-    with rrd.recording(path, title) as stream:
+    with rrd.recording(path, title) as to:
         tabs = []
         for one in shown:
-            name, points = one.scenario.name, send_scenario(stream, one)
+            name, points = one.scenario.name, send_scenario(to, one)
             for number, rows in one.targets.groupby("demonstration"):
                 for axis, direction in DIRECTIONS.items():
                     curve = entity(name, "demonstrated terms", direction, str(number))
                     time, term = (rows[key].to_numpy(float) for key in ("time_s", f"target_{'xyz'[axis]}"))
-                    send_curve(stream, curve, time, term, DEMONSTRATIONS.name, DIM)
-            rrd.send_notes(stream, _trained_notes(title, origin, one), name)
-            floor = rrd.send_floor_axes(stream, entity(name, "axes"), points)
+                    to.series(curve, time, term, DEMONSTRATIONS.name, DIM)
+            to.notes(_trained_notes(title, origin, one), name)
+            floor = to.floor_axes(entity(name, "axes"), points)
             kinds = [kind for kind in KINDS if kind != NO_MODEL and of_model(one.reaches, kind)]
-            columns = [_send_model(stream, one, kind, points, floor) for kind in kinds]
+            columns = [_send_model(to, one, kind, points, floor) for kind in kinds]
             shares = [5] * len(columns) + [4]
             tabs.append(rrb.Horizontal(*columns, rrd.notes_view(name), column_shares=shares, name=name))
-        stream.send_blueprint(rrd.layout(rrb.Tabs(*tabs, active_tab=0)))
+        to.show(tabs)
 
 
 def _send_model(
-    stream: rr.RecordingStream, one: ShownScenario, kind: str, points: np.ndarray, floor: float
+    to: Recording, one: ShownScenario, kind: str, points: np.ndarray, floor: float
 ) -> rrb.Vertical:
     """Log paths and signals of a kind of model by training source; return its scene and plots."""
     name = one.scenario.name
     for reach in of_model(one.reaches, kind):
         label, colour = SOURCES[reach.learned_from]
         scene = entity(name, kind, label)
-        send_paths(stream, f"{scene}/path", [reach.position], colour, width=1.5)
+        send_paths(to, f"{scene}/path", [reach.position], colour, width=1.5)
         arrows = rr.Arrows3D(
             origins=reach.position[::ARROW_EVERY],
             vectors=arrow_vectors(reach.coupling_in_base[::ARROW_EVERY]),
-            colors=rgba([colour], 0.8),
+            colors=rgba(colour, 0.8),
             radii=-0.8,
         )
-        stream.log(f"{scene}/coupling", arrows, static=True)
-        send_hand(stream, f"{scene}/hand", reach.time, reach.position, colour)
+        to.still(f"{scene}/coupling", arrows)
+        send_hand(to, f"{scene}/hand", reach.time, reach.position, colour)
         distance = 1e3 * one.scenario.obstacle.signed_distance(reach.position)
-        send_curve(stream, entity(name, "distance", kind, label), reach.time, distance, label, colour)
+        to.series(entity(name, "distance", kind, label), reach.time, distance, label, colour)
         for axis, direction in DIRECTIONS.items():
             curve = entity(name, "terms", kind, direction, label)
-            send_curve(stream, curve, reach.time, reach.coupling[:, axis], label, colour)
+            to.series(curve, reach.time, reach.coupling[:, axis], label, colour)
     parts = ("obstacle", "demonstrated", BARE.name, "axes", kind)
-    view = scene_view(KINDS[kind].name, [f"{entity(name, part)}/**" for part in parts], points, floor)
-    nearness = plot("distance to the surface (mm)", [f"{entity(name, 'distance', kind)}/**"])
+    view = scene_view(KINDS[kind].name, [below(name, part) for part in parts], points, floor)
+    nearness = plot("distance to the surface (mm)", [below(name, "distance", kind)])
     limit = ROOM * float(np.abs(one.targets[["target_y", "target_z"]].to_numpy()).max())
     terms = []
     for direction in DIRECTIONS.values():
         curves = (("demonstrated terms", direction), ("terms", kind, direction))
-        contents = [f"{entity(name, *curve)}/**" for curve in curves]
+        contents = [below(name, *curve) for curve in curves]
         term = plot(f"coupling {direction} (m)", contents, legend=False)
         term.properties["ScalarAxis"] = rrb.ScalarAxis(range=(-limit, limit))
         terms.append(term)
@@ -281,7 +274,7 @@ def _body(solid: Obstacle, colour: str) -> rr.AsComponents:
     pose: dict[str, Any] = {
         "centers": [solid.centre],
         "quaternions": [Rotation.from_matrix(solid.rotation).as_quat()],  # x, y, z, w
-        "colors": rgba([colour], SOLID_OPACITY),
+        "colors": rgba(colour, SOLID_OPACITY),
         "fill_mode": FillMode.Solid,
     }
     if solid.shape == "cylinder":
@@ -292,7 +285,7 @@ def _body(solid: Obstacle, colour: str) -> rr.AsComponents:
 
 
 def send_paths(
-    stream: rr.RecordingStream,
+    to: Recording,
     path: str,
     positions: Sequence[np.ndarray],
     colour: str,
@@ -300,15 +293,13 @@ def send_paths(
     width: float = 1.0,
 ) -> None:
     """Log whole paths, (T, 3) m each, as lines; `width` is half the line width in points."""
-    strips = rr.LineStrips3D(list(positions), colors=rgba([colour], opacity), radii=-width)
-    stream.log(path, strips, static=True)
+    strips = rr.LineStrips3D(list(positions), colors=rgba(colour, opacity), radii=-width)
+    to.still(path, strips)
 
 
-def send_hand(
-    stream: rr.RecordingStream, path: str, time: np.ndarray, position: np.ndarray, colour: str
-) -> None:
+def send_hand(to: Recording, path: str, time: np.ndarray, position: np.ndarray, colour: str) -> None:
     """Log a hand moving over time (T,) s as a point (T, 3) m."""
-    rrd.send_moving_frame(stream, path, [time_column(time)], position, None, colour, 0.0)
+    to.moving_frame(path, time, position, colour)
 
 
 def arrow_vectors(coupling: np.ndarray) -> np.ndarray:
@@ -318,14 +309,14 @@ def arrow_vectors(coupling: np.ndarray) -> np.ndarray:
     return vectors * np.minimum(1.0, LONGEST_ARROW_M / np.maximum(length, LONGEST_ARROW_M))
 
 
-def send_scenario(stream: rr.RecordingStream, one: ShownScenario) -> np.ndarray:
+def send_scenario(to: Recording, one: ShownScenario) -> np.ndarray:
     """Log an obstacle, demonstrations and the reach without avoidance; return all points (N, 3) m."""
     name, bare = one.scenario.name, without_avoidance(one.reaches)
     demonstrated = [person.position for person in one.demonstrations]
     colour, path = (HIT if bare.hit else FREE).colour, entity(name, "obstacle")
-    stream.log(f"{path}/solid", _body(one.scenario.obstacle, colour), static=True)
-    stream.log(f"{path}/cloud", rr.Points3D(one.cloud, colors=rgba([colour]), radii=-1.5), static=True)
-    send_paths(stream, entity(name, "demonstrated"), demonstrated, DEMONSTRATIONS.colour, PALE)
-    send_paths(stream, entity(name, BARE.name, "path"), [bare.position], BARE.colour, width=2.0)
-    send_hand(stream, entity(name, BARE.name, "hand"), bare.time, bare.position, BARE.colour)
+    to.still(f"{path}/solid", _body(one.scenario.obstacle, colour))
+    to.still(f"{path}/cloud", rr.Points3D(one.cloud, colors=rgba(colour), radii=-1.5))
+    send_paths(to, entity(name, "demonstrated"), demonstrated, DEMONSTRATIONS.colour, PALE)
+    send_paths(to, entity(name, BARE.name, "path"), [bare.position], BARE.colour, width=2.0)
+    send_hand(to, entity(name, BARE.name, "hand"), bare.time, bare.position, BARE.colour)
     return np.concatenate([one.cloud, bare.position, *demonstrated])
