@@ -22,7 +22,7 @@ from structlearn.rigid_body.model_names import DEFAULT, GROUND_TRUTH, model_name
 from structlearn.rigid_body.motion import Motion
 from structlearn.rigid_body.robot import Robot
 from structlearn.rigid_body.tree import KinematicTree
-from structlearn.viewer.arm_meshes import arm_contents, arm_view, followed_plots, send_arm, send_followed
+from structlearn.viewer.arm_meshes import arm_contents, arm_view, followed_view, send_arm, send_followed
 from structlearn.viewer.rrd import (
     Recording,
     Times,
@@ -33,6 +33,7 @@ from structlearn.viewer.rrd import (
     plot,
     recording,
     rgba,
+    table,
     thinning,
 )
 
@@ -82,8 +83,7 @@ def write_reaches(
         notes = (
             f"### {title}\n\nSimulated. The same reaches ({COLOUR_NAMES[REFERENCE]}: wanted) with one model "
             "after the other in the controller; the first seed of each.\n\n"
-            "| colour | model | NMSE of the tool's velocity | stopped |\n|---|---|---|---|\n"
-            + "\n".join(rows)
+            + table("| colour | model | NMSE of the tool's velocity | stopped |", rows)
             + "\n\nA stopped arm stays where it was stopped.\n"
         )
         to.notes(notes)
@@ -91,8 +91,7 @@ def write_reaches(
 
 def _send_tool(to: Recording, place: str, times: Times, tool: np.ndarray, colour: str, width: float) -> None:
     """Log a tool path (T, 3), and the tool moving along it."""
-    strips = rr.LineStrips3D([tool], colors=rgba(colour), radii=width)
-    to.still(f"{place}/path", strips)
+    to.lines(f"{place}/path", [tool], colour, width)
     to.moving_frame(f"{place}/tool", times, tool, colour)
 
 
@@ -107,10 +106,9 @@ def _reaches_blueprint(shown: Sequence[TrackedReach], title: str) -> rrb.Contain
     ]
     # limit the axis: an arm that runs away would hide all other curves
     farthest = 1.2 * max(float(np.quantile(reach.off_mm, 0.95)) for reach in shown if len(reach.time) > 1)
-    off = plot("tool error (mm)", ["/off/**"], legend=False)
-    off.properties["ScalarAxis"] = rrb.ScalarAxis(range=(0.0, farthest))
-    speed = plot("speed of the tool (m/s)", ["/speed/**"], legend=False)
-    speed.properties["ScalarAxis"] = rrb.ScalarAxis(range=(0.0, 2.0 * float(shown[0].speeds[1].max())))
+    fastest = 2.0 * float(shown[0].speeds[1].max())
+    off = plot("tool error (mm)", ["/off/**"], False, (0.0, farthest))
+    speed = plot("speed of the tool (m/s)", ["/speed/**"], False, (0.0, fastest))
     right = rrb.Vertical(off, speed, notes_view(), row_shares=[3, 3, 3])
     arms = rrb.Grid(*views, grid_columns=2, name=title)
     return rrb.Horizontal(arms, right, column_shares=[3, 2])
@@ -155,7 +153,8 @@ def write_torques(
         notes = (
             f"### {title}\n\nSimulated. Measured torques ({COLOUR_NAMES[REFERENCE]}, wide) and those of "
             "models that learned from the whole log, first seed.\n\n"
-            "| colour | model | NMSE, mean over joints |\n|---|---|---|\n" + "\n".join(rows) + "\n"
+            + table("| colour | model | NMSE, mean over joints |", rows)
+            + "\n"
         )
         to.notes(notes)
 
@@ -165,12 +164,11 @@ def _torque_blueprint(errors: pd.DataFrame, motion: Motion, tool: np.ndarray, ti
     plots = []
     for (joint, its), measured in zip(errors.iterrows(), motion.torque.T, strict=True):
         heading = f"{joint} (N m); best: {model_name(its.idxmin())}, NMSE {its.min():.2g}"
-        view = plot(heading, [below("torque", joint)], legend=False)
+        shown = [below("torque", joint)]
         # limit the axis: models that are far off would hide the measured torque
         low, high = np.quantile(measured, [0.002, 0.998])
         room = 0.25 * (high - low)
-        view.properties["ScalarAxis"] = rrb.ScalarAxis(range=(low - room, high + room))
-        plots.append(view)
+        plots.append(plot(heading, shown, False, (low - room, high + room)))
     left = rrb.Vertical(arm_view(title, [arm_contents(ARM)], tool), notes_view(), row_shares=[3, 2])
     return rrb.Horizontal(left, rrb.Grid(*plots, grid_columns=2), column_shares=[2, 5])
 
@@ -197,7 +195,6 @@ def write_payload(
     body, _ = tool_motion(tree, carried.point_m, q, log.velocities[near])
     held = time >= pick_up_s
     view = arm_view(title, [arm_contents(ARM), f"/{BODY}"], body)
-    right = rrb.Vertical(*followed_plots(), notes_view(), row_shares=[3, 3, 3, 4])
     colours = {
         "the payload, once it is carried": PAYLOAD,
         "true mass of the payload (wide)": REFERENCE,
@@ -205,7 +202,7 @@ def write_payload(
         "error of the model of the empty arm": EMPTY,
     }
     with recording(path, title) as to:
-        to.show(rrb.Horizontal(view, right, column_shares=[3, 3]))
+        to.show(followed_view(view))
         send_arm(to, ARM, urdf, tree.names, time, q)
         to.still(BODY, rr.Points3D.from_fields(colors=rgba(PAYLOAD), radii=RADIUS_M))
         to.over(BODY, time[held], rr.Points3D.columns(positions=body[held]))

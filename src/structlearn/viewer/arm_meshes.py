@@ -10,7 +10,7 @@ import rerun as rr
 import rerun.blueprint as rrb
 from rerun.urdf import UrdfTree
 
-from structlearn.viewer.rrd import Recording, Times, dots, entity, lines, plot, scene_view
+from structlearn.viewer.rrd import Recording, Times, dots, entity, lines, notes_view, plot, scene_view
 
 PACKAGE = "package://"  # prefix of mesh paths in ROS URDFs, resolved relative to the URDF
 STICK_M = 0.025  # radius of a stick
@@ -121,10 +121,12 @@ def send_followed(
         to.series(entity("error", name), times, error, label, colour)
 
 
-def followed_plots() -> Sequence[rrb.TimeSeriesView]:
-    """Plots of what `send_followed` logs."""
-    return (
+def followed_view(arm: rrb.Spatial3DView) -> rrb.Container:
+    """An arm beside the plots of what `send_followed` logs, and notes."""
+    plots = (
         plot("mass in the hand (kg)", ["/mass/**"], legend=False),
         plot("first moment of the mass (kg m)", ["/moment"], legend=False),
         plot("log10 of the NMSE of each batch before it is learned", ["/error/**"], legend=False),
     )
+    right = rrb.Vertical(*plots, notes_view(), row_shares=[3, 3, 3, 4])
+    return rrb.Horizontal(arm, right, column_shares=[3, 3])

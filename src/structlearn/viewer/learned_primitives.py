@@ -81,8 +81,9 @@ def write_primitives(
         to.notes(f"{note}\n\n{origin}")
         for demonstration in demonstrations[:: len(demonstrations) // (CONTEXT + 1) + 1]:
             line = demonstration.position[:: rrd.thinning(demonstration.dt)]
-            grey = rr.LineStrips3D([line], colors=rrd.rgba(GREY, CONTEXT_OPACITY), radii=-0.4)
-            to.still(entity("demonstrations", demonstration.name), grey)
+            to.lines(
+                entity("demonstrations", demonstration.name), [line], GREY, -0.4, opacity=CONTEXT_OPACITY
+            )
         for primitive in primitives:
             _send_frame(to, primitive, length)
         names = [primitive.name for primitive in primitives]
@@ -131,8 +132,7 @@ def _send_frame(to: Recording, primitive: PosePrimitive, length: float) -> None:
     to.still(path, rr.Transform3D(translation=point.start, mat3x3=axes))
     to.still(path, rr.TransformAxes3D(2.0 * length))
     name, white = f"goal of {primitive.name}", rrd.rgba(WHITE)  # the label is shown on hover
-    goal = rr.Points3D([point.goal], colors=white, radii=-5.0, labels=name, show_labels=False)
-    to.still(entity("goals", primitive.name), goal)
+    to.dots(entity("goals", primitive.name), [point.goal], white, -5.0, labels=name, show_labels=False)
 
 
 def _send_path(
@@ -141,14 +141,11 @@ def _send_path(
     """Log the path in the colours of `strips`, its switches, its name at half-way, and a moving frame."""
     ends = zip(path.switches[:-1], path.switches[1:], strict=True)
     parts = [path.position[first : last + 1] for first, last in ends]
-    line = rr.LineStrips3D(parts, colors=rrd.rgba(strips), radii=-2.5)
-    switches = rr.Points3D(path.position[path.switches], colors=rrd.rgba(colour), radii=-4.0)
     middle = path.position[[len(path.position) // 2]]  # paths often share their ends
-    label = rr.Points3D(middle, colors=rrd.rgba(colour), radii=-1.0, labels=[name], show_labels=True)
-    for place, shape in {("paths",): line, ("switches",): switches, ("switches", "label"): label}.items():
-        to.still(entity(place[0], name, *place[1:]), shape)
-    hand = entity("hands", name)
-    to.moving_frame(hand, path.indexes(), path.position, colour, path.orientation, length)
+    to.lines(entity("paths", name), parts, strips, -2.5)
+    to.dots(entity("switches", name), path.position[path.switches], colour, -4.0)
+    to.dots(entity("switches", name, "label"), middle, colour, -1.0, labels=[name])
+    to.moving_frame(entity("hands", name), path.indexes(), path.position, colour, path.orientation, length)
 
 
 def _send_rates(to: Recording, name: str, path: _Path, colour: str) -> None:

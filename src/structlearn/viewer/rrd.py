@@ -30,6 +30,7 @@ FLOOR_SQUARE_M = 0.1
 GROUND = (13, 13, 13)  # RGB background, dark also in browsers with a light theme
 RESTING = "#565d66"  # electrode that reads as expected
 
+Colours = str | Sequence[str] | np.ndarray
 Times = np.ndarray | rr.TimeColumn | Sequence[rr.TimeColumn]
 """T times in s on the time line of seconds, or on other time lines."""
 
@@ -68,13 +69,22 @@ class Recording(rr.RecordingStream):
         self.still(path, style)
         self.over(path, times, rr.Scalars.columns(scalars=values))
 
-    def lines(self, path: str, strips: Any, colours: str | Sequence[str], radii: float, **look: Any) -> None:
+    def lines(self, path: str, strips: Any, colours: Colours, radii: float, **look: Any) -> None:
         """Log N lines of points (2,) or (3,), with N colours or one; `look`: as for `lines`."""
         self.still(path, lines(strips, colours, radii, **look))
 
-    def dots(self, path: str, points: Any, colours: str | Sequence[str], radii: float, **look: Any) -> None:
+    def dots(self, path: str, points: Any, colours: Colours, radii: float, **look: Any) -> None:
         """Log N points (2,) or (3,), with N colours or one; `look`: as for `dots`."""
         self.still(path, dots(points, colours, radii, **look))
+
+    def solid(self, path: str, kind: Any, colours: Colours, opacity: float = 1.0, **shape: Any) -> None:
+        """Log N filled bodies of a kind of rerun's, e.g. `Capsules3D`, with N colours or one."""
+        filled = rr.components.FillMode.Solid
+        self.still(path, kind(colors=rgba(colours, opacity), fill_mode=filled, **shape))
+
+    def boxes(self, path: str, sizes: Any, centres: Any, colours: Colours, opacity: float = 1.0) -> None:
+        """Log N filled boxes with sizes and centres (3,) in m, with N colours or one."""
+        self.solid(path, rr.Boxes3D, colours, opacity, sizes=sizes, centers=centres)
 
     def moving_point(
         self,
@@ -206,8 +216,10 @@ def below(*parts: str) -> str:
     return f"{entity(*parts)}/**"
 
 
-def rgba(colours: str | Sequence[str], opacity: float = 1.0) -> np.ndarray:
-    """Colours 0xRRGGBBAA (N,) for rerun, from one `#rrggbb` or N."""
+def rgba(colours: Colours, opacity: float = 1.0) -> np.ndarray:
+    """Colours 0xRRGGBBAA (N,) for rerun, from one `#rrggbb` or N; numbers stay."""
+    if isinstance(colours, np.ndarray):
+        return colours
     colours = [colours] if isinstance(colours, str) else colours
     alpha = f"{round(255 * opacity):02x}"
     return np.array([int(f"{colour[1:]}{alpha}", 16) for colour in colours], dtype=np.uint32)
@@ -221,17 +233,13 @@ def blended(share: np.ndarray, colours: Sequence[str]) -> np.ndarray:
     return (red << 24) | (green << 16) | (blue << 8) | 0xFF
 
 
-def lines(
-    strips: Any, colours: str | Sequence[str], radii: float, opacity: float = 1.0, **look: Any
-) -> rr.AsComponents:
+def lines(strips: Any, colours: Colours, radii: float, opacity: float = 1.0, **look: Any) -> rr.AsComponents:
     """N lines of points (2,) or (3,), with N colours or one."""
     kind: Any = rr.LineStrips3D if np.shape(strips[0])[-1] == 3 else rr.LineStrips2D
     return kind(strips, colors=rgba(colours, opacity), radii=radii, **look)
 
 
-def dots(
-    points: Any, colours: str | Sequence[str], radii: float, opacity: float = 1.0, **look: Any
-) -> rr.AsComponents:
+def dots(points: Any, colours: Colours, radii: float, opacity: float = 1.0, **look: Any) -> rr.AsComponents:
     """N points (2,) or (3,), with N colours or one; with `labels`, they are shown."""
     kind: Any = rr.Points3D if np.shape(points)[-1] == 3 else rr.Points2D
     shown = {"show_labels": True} if "labels" in look else {}
@@ -256,17 +264,6 @@ def time_columns(times: Times) -> list[rr.TimeColumn]:
     if isinstance(times, np.ndarray):
         return [rr.TimeColumn(TIME, duration=times)]
     return [times] if isinstance(times, rr.TimeColumn) else list(times)
-
-
-def solid_boxes(
-    sizes: Sequence[Sequence[float] | np.ndarray],
-    centres: Sequence[Sequence[float] | np.ndarray],
-    colours: Sequence[str],
-    opacity: float = 1.0,
-) -> rr.Boxes3D:
-    """N filled boxes with sizes and centres in m, with N colours or one for all."""
-    filled = rr.components.FillMode.Solid
-    return rr.Boxes3D(sizes=sizes, centers=centres, colors=rgba(colours, opacity), fill_mode=filled)
 
 
 def axis_length(points: np.ndarray) -> float:

@@ -13,7 +13,6 @@ import pandas as pd
 import rerun as rr
 import rerun.blueprint as rrb
 from pydantic import Field
-from rerun.components import FillMode
 
 from dissertation.obstacles.names import DEMONSTRATIONS, FREE, HIT, KINDS, SOURCES, model_name
 from dissertation.obstacles.protocol.avoidance_protocols import NO_MODEL, TRAINED
@@ -123,7 +122,7 @@ def write_avoidance_demonstrations(
             rrb.Horizontal(view, rrd.notes_view(), column_shares=[4, 1], name=words)
             for words, view in views.items()
         ]
-        to.show(rrb.Tabs(*tabs, *details, active_tab=0))
+        to.show([*tabs, *details])
 
 
 def _send_settings(
@@ -136,12 +135,11 @@ def _send_settings(
     centres = [place.obstacle.centre for place, _ in places]
     colours = rgba([(HIT if hit else FREE).colour for _, hit in places])
     labels = [f"{place.setting:02d}" for place, _ in places]
-    balls = rr.Points3D(centres, colors=colours, radii=0.012, labels=labels, show_labels=True)
-    to.still("places", balls)
+    to.dots("places", centres, colours, 0.012, labels=labels)
     paths = [one.position for one in unhindered]
-    send_paths(to, entity("unhindered", "paths"), paths, DEMONSTRATIONS.colour, PALE)
+    to.lines(entity("unhindered", "paths"), paths, DEMONSTRATIONS.colour, -1.0, opacity=PALE)
     bare = baseline.unroll(0.01).position
-    send_paths(to, entity("unhindered", BARE.name), [bare], BARE.colour, width=2.0)
+    to.lines(entity("unhindered", BARE.name), [bare], BARE.colour, -2.0)
     return np.concatenate([centres, *paths])
 
 
@@ -151,7 +149,7 @@ def _send_signals(to: Recording, one: ShownScenario, baseline: PositionPrimitive
     grey = DEMONSTRATIONS.colour
     people = [(person.name, person.time, person.position, grey) for person in one.demonstrations]
     for label, time, position, colour in people:
-        send_hand(to, entity(name, "hands", label), time, position, colour)
+        to.moving_frame(entity(name, "hands", label), time, position, colour)
     for label, time, position, colour in [*people, (BARE.name, bare.time, bare.position, BARE.colour)]:
         local = 1e3 * to_local(position, baseline)
         curves = {"distance": 1e3 * one.scenario.obstacle.signed_distance(position)}
@@ -217,7 +215,7 @@ def _send_model(
     for reach in of_model(one.reaches, kind):
         label, colour = SOURCES[reach.learned_from]
         scene = entity(name, kind, label)
-        send_paths(to, f"{scene}/path", [reach.position], colour, width=1.5)
+        to.lines(f"{scene}/path", [reach.position], colour, -1.5)
         arrows = rr.Arrows3D(
             origins=reach.position[::ARROW_EVERY],
             vectors=arrow_vectors(reach.coupling_in_base[::ARROW_EVERY]),
@@ -225,7 +223,7 @@ def _send_model(
             radii=-0.8,
         )
         to.still(f"{scene}/coupling", arrows)
-        send_hand(to, f"{scene}/hand", reach.time, reach.position, colour)
+        to.moving_frame(f"{scene}/hand", reach.time, reach.position, colour)
         distance = 1e3 * one.scenario.obstacle.signed_distance(reach.position)
         to.series(entity(name, "distance", kind, label), reach.time, distance, label, colour)
         for axis, direction in DIRECTIONS.items():
@@ -239,9 +237,7 @@ def _send_model(
     for direction in DIRECTIONS.values():
         curves = (("demonstrated terms", direction), ("terms", kind, direction))
         contents = [below(name, *curve) for curve in curves]
-        term = plot(f"coupling {direction} (m)", contents, legend=False)
-        term.properties["ScalarAxis"] = rrb.ScalarAxis(range=(-limit, limit))
-        terms.append(term)
+        terms.append(plot(f"coupling {direction} (m)", contents, False, (-limit, limit)))
     return rrb.Vertical(view, nearness, *terms, row_shares=[5, 2, 2, 2])
 
 
@@ -267,39 +263,19 @@ def _trained_notes(title: str, origin: str, one: ShownScenario) -> str:
     )
 
 
-def _body(solid: Obstacle, colour: str) -> rr.AsComponents:
-    """Solid of an obstacle at rest."""
+def _send_body(to: Recording, path: str, solid: Obstacle, colour: str) -> None:
+    """Log the solid of an obstacle at rest."""
     from scipy.spatial.transform import Rotation
 
-    pose: dict[str, Any] = {
-        "centers": [solid.centre],
-        "quaternions": [Rotation.from_matrix(solid.rotation).as_quat()],  # x, y, z, w
-        "colors": rgba(colour, SOLID_OPACITY),
-        "fill_mode": FillMode.Solid,
-    }
+    turned = Rotation.from_matrix(solid.rotation).as_quat()  # x, y, z, w
+    pose: dict[str, Any] = {"centers": [solid.centre], "quaternions": [turned]}
+    look = (colour, SOLID_OPACITY)
     if solid.shape == "cylinder":
         radius, _, half_height = solid.half_size
-        return rr.Cylinders3D(lengths=[2.0 * half_height], radii=[radius], **pose)
-    drawn = rr.Boxes3D if solid.shape == "cube" else rr.Ellipsoids3D
-    return drawn(half_sizes=[solid.half_size], **pose)
-
-
-def send_paths(
-    to: Recording,
-    path: str,
-    positions: Sequence[np.ndarray],
-    colour: str,
-    opacity: float = 1.0,
-    width: float = 1.0,
-) -> None:
-    """Log whole paths, (T, 3) m each, as lines; `width` is half the line width in points."""
-    strips = rr.LineStrips3D(list(positions), colors=rgba(colour, opacity), radii=-width)
-    to.still(path, strips)
-
-
-def send_hand(to: Recording, path: str, time: np.ndarray, position: np.ndarray, colour: str) -> None:
-    """Log a hand moving over time (T,) s as a point (T, 3) m."""
-    to.moving_frame(path, time, position, colour)
+        to.solid(path, rr.Cylinders3D, *look, lengths=[2.0 * half_height], radii=[radius], **pose)
+    else:
+        kind = rr.Boxes3D if solid.shape == "cube" else rr.Ellipsoids3D
+        to.solid(path, kind, *look, half_sizes=[solid.half_size], **pose)
 
 
 def arrow_vectors(coupling: np.ndarray) -> np.ndarray:
@@ -314,9 +290,9 @@ def send_scenario(to: Recording, one: ShownScenario) -> np.ndarray:
     name, bare = one.scenario.name, without_avoidance(one.reaches)
     demonstrated = [person.position for person in one.demonstrations]
     colour, path = (HIT if bare.hit else FREE).colour, entity(name, "obstacle")
-    to.still(f"{path}/solid", _body(one.scenario.obstacle, colour))
-    to.still(f"{path}/cloud", rr.Points3D(one.cloud, colors=rgba(colour), radii=-1.5))
-    send_paths(to, entity(name, "demonstrated"), demonstrated, DEMONSTRATIONS.colour, PALE)
-    send_paths(to, entity(name, BARE.name, "path"), [bare.position], BARE.colour, width=2.0)
-    send_hand(to, entity(name, BARE.name, "hand"), bare.time, bare.position, BARE.colour)
+    _send_body(to, f"{path}/solid", one.scenario.obstacle, colour)
+    to.dots(f"{path}/cloud", one.cloud, colour, -1.5)
+    to.lines(entity(name, "demonstrated"), demonstrated, DEMONSTRATIONS.colour, -1.0, opacity=PALE)
+    to.lines(entity(name, BARE.name, "path"), [bare.position], BARE.colour, -2.0)
+    to.moving_frame(entity(name, BARE.name, "hand"), bare.time, bare.position, BARE.colour)
     return np.concatenate([one.cloud, bare.position, *demonstrated])

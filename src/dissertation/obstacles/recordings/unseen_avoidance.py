@@ -18,14 +18,7 @@ from dissertation.obstacles.protocol.unrolled_reaches import (
     of_model,
     without_avoidance,
 )
-from dissertation.obstacles.recordings.demonstrated_avoidance import (
-    BARE,
-    PALE,
-    SOLID_OPACITY,
-    arrow_vectors,
-    send_hand,
-    send_paths,
-)
+from dissertation.obstacles.recordings.demonstrated_avoidance import BARE, PALE, SOLID_OPACITY, arrow_vectors
 from structlearn.avoidance.avoidance_dataset import baseline_axes
 from structlearn.avoidance.learned_models import ENSEMBLE
 from structlearn.palette import BLUE
@@ -58,14 +51,13 @@ def write_unseen_avoidance(
         steps = rr.TimeColumn(SPHERE, sequence=situation.numbers)
         _send_spheres(to, situation, centres, groups, baseline, steps)
         bare = [without_avoidance(group) for group in groups]
-        send_paths(to, entity(BARE.name), [bare[0].position], BARE.colour, width=2.0)
+        to.lines(entity(BARE.name), [bare[0].position], BARE.colour, -2.0)
         _send_closest(to, bare, steps)
         for source, its in ensembles.items():
             positions, colour = [reach.position for reach in its], SOURCES[source].colour
-            send_paths(to, entity("all", source), positions, colour, 0.7, 0.7)
-            look = rr.LineStrips3D.from_fields(colors=rgba(colour), radii=-1.5)
+            to.lines(entity("all", source), positions, colour, -0.7, opacity=0.7)
             one = entity("one", "paths", source)
-            to.still(one, look)
+            to.still(one, rr.LineStrips3D.from_fields(colors=rgba(colour), radii=-1.5))
             to.over(one, steps, rr.LineStrips3D.columns(strips=positions))
             _send_closest(to, its, steps)
         texts = []
@@ -74,8 +66,7 @@ def write_unseen_avoidance(
                 f"| {SOURCES[one.learned_from].name} | {one.obstacle_distance:.2f} | {'hit' * one.hit} |"
                 for one in [without_avoidance(group), *of_model(group, ENSEMBLE)]
             ]
-            head = f"## Sphere {number}\n\n| path | closest (radii) | |\n|---|---|---|\n"
-            texts.append(head + "\n".join(rows))
+            texts.append(f"## Sphere {number}\n\n{rrd.table('| path | closest (radii) | |', rows)}")
         columns = rr.TextDocument.columns(text=texts, media_type=[rr.MediaType.MARKDOWN] * len(texts))
         to.over(entity("notes", SPHERE), steps, columns)
         everything = np.concatenate([reach.position for its in ensembles.values() for reach in its])
@@ -96,7 +87,7 @@ def hits_table(groups: Sequence[Group]) -> str:
     for source, its in ensembles_of(groups).items():
         counts[model_name(ENSEMBLE, source)] = sum(reach.hit for reach in its)
     rows = [f"| {name} | {count} |" for name, count in counts.items()]
-    return f"| hits | of {len(groups)} |\n|---|---|\n" + "\n".join(rows) + "\n"
+    return rrd.table(f"| hits | of {len(groups)} |", rows) + "\n"
 
 
 def ensemble_legend(groups: Sequence[Group]) -> str:
@@ -116,8 +107,7 @@ def _send_spheres(
     """Log all centres as small balls, and each step's sphere in full size."""
     colours = [(HIT if without_avoidance(group).hit else FREE).colour for group in groups]
     labels = [str(number) for number in situation.numbers]
-    balls = rr.Points3D(centres, colors=rgba(colours), radii=0.006, labels=labels, show_labels=False)
-    to.still("centres", balls)
+    to.dots("centres", centres, colours, 0.006, labels=labels, show_labels=False)
     spheres = situation.obstacles[0]
     cloud = (spheres.points[0] - spheres.centre[0]) @ baseline_axes(baseline).T
     path, radius = entity("one", "sphere"), float(spheres.radius[0])
@@ -230,7 +220,7 @@ def _send_scene(
     drawn = [bare, *of_model(group, ENSEMBLE)]
     for reach in drawn:
         label, colour = SOURCES[reach.learned_from]
-        send_paths(to, entity(*parts, "ahead", label), [reach.position], colour, PALE)
+        to.lines(entity(*parts, "ahead", label), [reach.position], colour, -1.0, opacity=PALE)
         send_trail(to, entity(*parts, "reaches", label), reach, colour)
         distance = 1e3 * surface_distances(reach.position, centres, radii).min(axis=0)
         to.series(entity(*parts, "distance", label), reach.time, distance, label, colour)
@@ -269,8 +259,7 @@ def send_sphere(
     colours: Sequence[str],
 ) -> None:
     """Log a sphere with changing centre (T, 3) m and colour; `cloud` (P, 3) m is relative to the centre."""
-    solid = rr.Ellipsoids3D(half_sizes=[[radius] * 3], fill_mode=FillMode.Solid)
-    to.still(f"{path}/solid", solid)
+    to.still(f"{path}/solid", rr.Ellipsoids3D(half_sizes=[[radius] * 3], fill_mode=FillMode.Solid))
     to.still(f"{path}/cloud", rr.Points3D(cloud, radii=-1.5))
     pale = rr.Ellipsoids3D.columns(colors=rgba(colours, SOLID_OPACITY))
     to.over(path, times, rr.Transform3D.columns(translation=centres))
@@ -280,7 +269,7 @@ def send_sphere(
 
 def send_trail(to: Recording, path: str, reach: Reach, colour: str) -> None:
     """Log a reach over time: the hand with its coupling term, and the path travelled."""
-    send_hand(to, f"{path}/hand", reach.time, reach.position, colour)
+    to.moving_frame(f"{path}/hand", reach.time, reach.position, colour)
     to.trail(f"{path}/trail", reach.time, reach.position, colour, -1.5)
     to.still(f"{path}/coupling", rr.Arrows3D.from_fields(colors=rgba(colour), radii=-1.5))
     arrows = rr.Arrows3D.columns(origins=reach.position, vectors=arrow_vectors(reach.coupling_in_base))

@@ -129,8 +129,7 @@ def send_scene(to: Recording, path: str, one: Execution, scale: float, shadow: b
     send_tool(to, f"{path}/tool", colour, colour if shadow else WHITE, opacity)
     if not shadow:
         send_board(to, f"{path}/board", one.board_deg)
-        strip = rr.LineStrips3D([position], colors=rrd.rgba(colour), radii=-1.0)
-        to.still(f"{path}/path", strip)
+        to.lines(f"{path}/path", [position], colour, -1.0)
         points = rr.Points3D(electrodes().reshape(-1, 3) - [0.0, 0.0, layout.EDGE_M], radii=0.0008)
         _send_readings(to, f"{path}/hand/electrodes", points, one, scale)
 
@@ -138,28 +137,21 @@ def send_scene(to: Recording, path: str, one: Execution, scale: float, shadow: b
 def send_board(to: Recording, path: str, board_deg: float = 0.0) -> None:
     """Log the board, tilted about its axis, with its top at the contact point."""
     turn = rr.Quaternion(xyzw=quaternion.to_xyzw(layout.board_orientation(board_deg)))
-    pose = rr.Transform3D(translation=layout.CONTACT_M, quaternion=turn)
-    to.still(path, pose)
-    box = rrd.solid_boxes([BOARD_M], [[0.0, 0.03, -0.5 * BOARD_M[2]]], [BOARD])
-    to.still(path, box)
+    to.still(path, rr.Transform3D(translation=layout.CONTACT_M, quaternion=turn))
+    to.boxes(path, [BOARD_M], [[0.0, 0.03, -0.5 * BOARD_M[2]]], BOARD)
 
 
 def send_hand(to: Recording, path: str, skin: str = SKIN, opacity: float = 1.0) -> None:
     """Log palm and fingers below the entity of the hand's frame, so that they move with it."""
     outwards = 1e-3 * (PAD_DISTANCE_MM + SKIN_RADIUS_MM)
     tips = -layout.EDGE_M - 1e-3 * np.array(HOME_MM)  # start of the round tips along z
-    fingers = rr.Capsules3D(
-        lengths=[FINGER_M] * 2,
-        radii=[1e-3 * SKIN_RADIUS_MM] * 2,
-        translations=[[outwards, 0.0, tips[0] - FINGER_M], [-outwards, 0.0, tips[1] - FINGER_M]],
-        colors=rrd.rgba(skin, 0.4 * opacity),
-        fill_mode=rr.components.FillMode.Solid,
-    )
-    to.still(f"{path}/fingers", fingers)
+    places = [[outwards, 0.0, tips[0] - FINGER_M], [-outwards, 0.0, tips[1] - FINGER_M]]
+    fingers = {"lengths": [FINGER_M] * 2, "radii": [1e-3 * SKIN_RADIUS_MM] * 2, "translations": places}
+    to.solid(f"{path}/fingers", rr.Capsules3D, skin, 0.4 * opacity, **fingers)
     top, bottom = -layout.EDGE_M - layout.GRASP_M, -layout.EDGE_M - FINGER_M
     sizes = [[0.06, 0.03, bottom - top], [0.04, 0.04, WRIST_M]]
     centres = [[0.0, 0.0, 0.5 * (top + bottom)], [0.0, 0.0, top - 0.5 * WRIST_M]]
-    to.still(f"{path}/palm", rrd.solid_boxes(sizes, centres, [skin], opacity))
+    to.boxes(f"{path}/palm", sizes, centres, [skin], opacity)
 
 
 def send_tool(to: Recording, path: str, colour: str, grip: str = WHITE, opacity: float = 1.0) -> None:
@@ -167,9 +159,9 @@ def send_tool(to: Recording, path: str, colour: str, grip: str = WHITE, opacity:
     reached = 0.5 * GRIP_M[2]
     sizes: list[np.ndarray | list[float]] = [GRIP_M, [layout.EDGE_WIDTH_M, BLADE_M, layout.EDGE_M - reached]]
     centres = [[0.0, 0.0, 0.0], [0.0, 0.0, 0.5 * (reached + layout.EDGE_M)]]
-    to.still(f"{path}/body", rrd.solid_boxes(sizes, centres, [grip, colour], opacity))
+    to.boxes(f"{path}/body", sizes, centres, [grip, colour], opacity)
     ends = [[-0.5 * layout.EDGE_WIDTH_M, 0.0, layout.EDGE_M], [0.5 * layout.EDGE_WIDTH_M, 0.0, layout.EDGE_M]]
-    to.still(f"{path}/edge", rr.LineStrips3D([ends], colors=rrd.rgba(colour), radii=-2.5))
+    to.lines(f"{path}/edge", [ends], colour, -2.5)
 
 
 def close_view(name: str, contents: Sequence[str]) -> rrb.Spatial3DView:

@@ -169,13 +169,11 @@ def _send_all_costs(to: Recording, search: Search, diagram: Diagram) -> None:
     for kind, look in ROLLOUTS.items():
         points = [_cost_points(search, diagram, iteration, kind) for iteration in search.iterations]
         colour = rgba(look.colour, PALE)
-        dots = rr.Points2D(np.concatenate(points), colors=colour, radii=-2.5, draw_order=-3.0)
-        to.still(search.path("costs", "all", kind), dots)
+        to.dots(search.path("costs", "all", kind), np.concatenate(points), colour, -2.5, draw_order=-3.0)
     means = [search.rows(iteration, FEEDBACK)["cost_rad"].mean() for iteration in search.iterations]
     line = diagram.points(np.array(search.iterations) + PLACES[FEEDBACK][0], np.array(means))
     colour = rgba([ROLLOUTS[FEEDBACK].colour], 2 * PALE)
-    strip = rr.LineStrips2D([line], colors=colour, radii=-1.0, draw_order=-2.0)
-    to.still(search.path("costs", "network mean"), strip)
+    to.lines(search.path("costs", "network mean"), [line], colour, -1.0, draw_order=-2.0)
 
 
 def _send_costs(to: Recording, search: Search, diagram: Diagram, iteration: int) -> None:

@@ -109,7 +109,7 @@ def write_touch_demonstrations(
     origin = origin_label([one.demonstration for one in shown])
     scale = scene.full_scale([one.motion.signals for one in shown])
     with recording(path, TITLE) as to:
-        to.show(rrb.Tabs(*[_tab(one, skin, origin) for one in shown], active_tab=0))
+        to.show([_tab(one, skin, origin) for one in shown])
         for one in shown:
             scene.send_touch(to, entity(one.name), skin, one.motion, one.contacts, scale)
             centre, axis = handle_place(one, skin, handle_radius)
@@ -205,8 +205,7 @@ def write_latent_maps(
         tabs = [_map_tab(one, flat_skin.skin, origin) for one in shown]
         to.show(tabs)
         for name, drawn in places.items():
-            samples = rr.Points2D(drawn[kept], colors=colours, radii=POINT_MM)
-            to.still(entity("samples", name), samples)
+            to.dots(entity("samples", name), drawn[kept], colours, POINT_MM)
             middle = [np.median(drawn[electrode == number], axis=0) for number in found]
             to.still(entity("electrodes", name), rr.Points2D(middle, **labels))
         for one in shown:

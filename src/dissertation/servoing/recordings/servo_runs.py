@@ -3,11 +3,9 @@
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 import pandas as pd
-import rerun as rr
 import rerun.blueprint as rrb
 
 from dissertation.servoing.names import AS_PUBLISHED, FORM_COLOURS, FORM_NAMES, LATENT, OURS, TRUE
@@ -18,7 +16,7 @@ from structlearn.core import quaternion
 from structlearn.core.metrics import matching
 from structlearn.palette import GREY
 from structlearn.tactile.electrodes import Skin
-from structlearn.viewer.rrd import Recording, colour_words, entity, recording, rgba
+from structlearn.viewer.rrd import Recording, colour_words, entity, recording
 
 TITLE = "Touch: closed loops"
 
@@ -113,8 +111,7 @@ def _send_ways(to: Recording, path: str, run: ServoRun, flat_skin: scene.FlatSki
         ("latent target", flat_skin.latent(run.of_trial("target_latent_{}")), LATENT),
         ("target", flat_skin.places(run.of_trial("target_{}_m")), TRUE),
     ):
-        look: dict[str, Any] = {"colors": rgba(colour), "radii": -1.5, "draw_order": scene.IN_FRONT}
-        to.still(f"{path}/{entity(name)}", rr.LineStrips2D([place + ring], **look))
+        to.lines(f"{path}/{entity(name)}", [place + ring], colour, -1.5, draw_order=scene.IN_FRONT)
 
 
 def _send_curves(to: Recording, name: str, label: str, run: ServoRun) -> None:

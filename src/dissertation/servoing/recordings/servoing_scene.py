@@ -6,7 +6,7 @@ below the skin stay visible. Flat pictures are in mm: x along the finger, y acro
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import Any, Self
+from typing import Self
 
 import numpy as np
 import rerun as rr
@@ -16,7 +16,7 @@ from pydantic import Field
 from structlearn.core import quaternion
 from structlearn.core.params import Parameters
 from structlearn.tactile.electrodes import MapLaying, Skin, map_laying
-from structlearn.viewer.rrd import Recording, below, eye_view, flat_view, notes_view, plot, rgba, thinning
+from structlearn.viewer.rrd import Recording, below, eye_view, flat_view, notes_view, plot, thinning
 
 SKIN, HANDLE = "#6b7480", "#8d7f6b"
 
@@ -107,12 +107,10 @@ def send_touch(
     kept = slice(None, None, thinning(dt, POSE_RATE_HZ))
     pose = (motion.position[kept], SKIN, motion.orientation[kept], AXES_M)
     to.moving_frame(finger, motion.time[kept], *pose)
-    lines = rr.LineStrips3D(skin_lines(skin), colors=rgba(SKIN), radii=-0.8)
-    to.still(f"{finger}/skin", lines)
+    to.lines(f"{finger}/skin", skin_lines(skin), SKIN, -0.8)
     places = flat(skin, skin.project(skin.electrodes))
     numbers = [str(number + 1) for number in range(len(places))]
-    labels: dict[str, Any] = {"labels": numbers, "colors": rgba(SKIN), "radii": 0.0, "show_labels": True}
-    to.still(f"{flat_skin}/numbers", rr.Points2D(places + np.array([0.0, 0.4]), **labels))
+    to.dots(f"{flat_skin}/numbers", places + np.array([0.0, 0.4]), SKIN, 0.0, labels=numbers)
     kept = slice(None, None, thinning(dt, COLOUR_RATE_HZ))
     felt = np.clip(-motion.signals[kept] / scale, -1.0, 1.0)
     for above, electrodes in (
@@ -153,15 +151,9 @@ def send_map_path(to: Recording, path: str, time: np.ndarray, places: np.ndarray
 def send_handle(to: Recording, path: str, centre: np.ndarray, axis: np.ndarray, radius: float) -> None:
     """Log the handle, a capsule with its centre (3,) m and horizontal unit axis (3,)."""
     turned = quaternion.from_rotation_vector(0.5 * np.pi * np.cross([0.0, 0.0, 1.0], axis))
-    bar = rr.Capsules3D(
-        lengths=[HANDLE_M],
-        radii=[radius],
-        translations=[centre - 0.5 * HANDLE_M * axis],
-        quaternions=[quaternion.to_xyzw(turned)],
-        colors=rgba(HANDLE, 0.5),
-        fill_mode=rr.components.FillMode.Solid,
-    )
-    to.still(path, bar)
+    end, size = centre - 0.5 * HANDLE_M * axis, {"lengths": [HANDLE_M], "radii": [radius]}
+    pose = {"translations": [end], "quaternions": [quaternion.to_xyzw(turned)]}
+    to.solid(path, rr.Capsules3D, HANDLE, 0.5, **size, **pose)
 
 
 def close_view(

@@ -27,7 +27,7 @@ from structlearn.tasks.task_files import TaskFiles
 from structlearn.viewer import rrd
 from structlearn.viewer.learned_primitives import write_primitives
 from structlearn.viewer.recorded_demonstrations import write_demonstrations
-from structlearn.viewer.rrd import Recording, Times, below, entity, legend, rgba
+from structlearn.viewer.rrd import Recording, Times, below, entity, legend
 
 DEMONSTRATED = (
     "Colours show the primitives, white is outside of them; each demonstration has a tab with its signals."
@@ -125,23 +125,16 @@ def _send_cap(
     to: Recording, name: str, colour: str, place: int, times: Times, orientation: np.ndarray
 ) -> None:
     """Log a cap with a pointer at a place in the row, turning with (T, 4), and the goal's mark."""
-    middle, height, paint = np.array([0.0, APART * place, 0.0]), 0.27 * RADIUS, rgba(colour)
+    middle, height = np.array([0.0, APART * place, 0.0]), 0.27 * RADIUS
     front = middle + np.array([[1.15 * RADIUS, 0.0, height], [1.8 * RADIUS, 0.0, 0.0]])
-    solid, radius = rr.components.FillMode.Solid, [[0.0, 0.0, height], [RADIUS, 0.0, height]]
-    for place_in_scene, shape in {
-        entity("caps", name): rr.Cylinders3D(
-            lengths=[0.5 * RADIUS], radii=[RADIUS], colors=rgba(colour, 0.8), fill_mode=solid
-        ),
-        entity("caps", name, "pointer"): rr.LineStrips3D([radius], colors=rgba(LIGHT_GREY), radii=0.003),
-        entity("marks", name): rr.Points3D(front[:1], colors=paint, radii=0.004),
-        entity("marks", name, "name"): rr.Points3D(
-            front[1:], colors=paint, radii=0.0, labels=[name], show_labels=True
-        ),
-    }.items():
-        to.still(place_in_scene, shape)
+    radius, cap = [[0.0, 0.0, height], [RADIUS, 0.0, height]], entity("caps", name)
+    to.solid(cap, rr.Cylinders3D, colour, 0.8, lengths=[0.5 * RADIUS], radii=[RADIUS])
+    to.lines(entity("caps", name, "pointer"), [radius], LIGHT_GREY, 0.003)
+    to.dots(entity("marks", name), front[:1], colour, 0.004)
+    to.dots(entity("marks", name, "name"), front[1:], colour, 0.0, labels=[name])
     translation = np.tile(middle, (len(orientation), 1))
     turns = rr.Transform3D.columns(translation=translation, quaternion=quaternion.to_xyzw(orientation))
-    to.over(entity("caps", name), times, turns)
+    to.over(cap, times, turns)
 
 
 def _blueprint(shown: Sequence[str]) -> rrb.Container:

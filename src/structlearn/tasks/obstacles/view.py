@@ -66,7 +66,7 @@ def _send_shapes(to: Recording, name: str, shapes: pd.DataFrame) -> tuple[np.nda
     """Log obstacles, walls and axes; return the obstacles' mean centre (3,) m and the floor's height in m."""
     sizes, centres = (shapes[columns].to_numpy() for columns in (EXTENT, PLACE))
     solid = shapes["box"].to_numpy(bool)
-    to.still(entity(name, "obstacles"), rrd.solid_boxes(sizes[solid], centres[solid], [GREY]))
+    to.boxes(entity(name, "obstacles"), sizes[solid], centres[solid], [GREY])
     edges = rr.components.FillMode.MajorWireframe
     walls = rr.Boxes3D(sizes=sizes[~solid], centers=centres[~solid], colors=rgba(LIGHT_GREY), fill_mode=edges)
     to.still(entity(name, "walls"), walls)
@@ -78,9 +78,8 @@ def _send_path(to: Recording, name: str, look: Look, its: pd.DataFrame, boxes: p
     """Log a hand over time, its whole path as a line, and its distance from the obstacles' extents."""
     points, time = its[PLACE].to_numpy(), its["time_s"].to_numpy()
     width = 1.0 if look.colour == LIGHT_GREY else 2.0
-    line = rr.LineStrips3D([points], colors=rgba(look.colour), radii=-width)
     path = entity(name, look.name)
-    to.still(f"{path}/path", line)
+    to.lines(f"{path}/path", [points], look.colour, -width)
     to.moving_frame(f"{path}/hand", time, points, look.colour)
     beyond = np.abs(points[:, None] - boxes[PLACE].to_numpy()) - 0.5 * boxes[EXTENT].to_numpy()
     apart = np.linalg.norm(np.maximum(beyond, 0.0), axis=-1).min(axis=1)

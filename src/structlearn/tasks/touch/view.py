@@ -6,7 +6,6 @@ from pathlib import Path
 
 import numpy as np
 import pandas as pd
-import rerun as rr
 import rerun.blueprint as rrb
 
 from structlearn.palette import BLUE, GREY, LIGHT_GREY, ORANGE, place_colours
@@ -71,8 +70,7 @@ def _send_maps(to: Recording, maps: pd.DataFrame, paths: pd.DataFrame | None) ->
         return 1e3 * (points - middle) * [1.0, -1.0]  # the viewer's y is downwards
 
     for name, points in (("plate", plate), ("map", maps[["map_x_m", "map_y_m"]].to_numpy())):
-        presses = rr.Points2D(drawn(points), colors=colours, radii=PRESS_MM)
-        to.still(entity(name, "presses"), presses)
+        to.dots(entity(name, "presses"), drawn(points), colours, PRESS_MM)
     if paths is not None:
         shown = of_pair(paths, maps)
         shown = shown[shown["trial"] < TRIALS].sort_values(["trial", "step"])
