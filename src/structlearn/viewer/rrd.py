@@ -31,6 +31,8 @@ GROUND = (13, 13, 13)  # RGB background, dark also in browsers with a light them
 RESTING = "#565d66"  # electrode that reads as expected
 
 Colours = str | Sequence[str] | np.ndarray
+"""One `#rrggbb`, several, or numbers as of `rgba`."""
+
 Times = np.ndarray | rr.TimeColumn | Sequence[rr.TimeColumn]
 """T times in s on the time line of seconds, or on other time lines."""
 
