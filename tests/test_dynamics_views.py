@@ -18,7 +18,7 @@ from structlearn.rigid_body.inertia_parameters import free_parameters
 from structlearn.rigid_body.model_names import DEFAULT
 from structlearn.rigid_body.motion import Motion
 from structlearn.viewer.arm_meshes import send_arm
-from structlearn.viewer.rrd import recording, time_column
+from structlearn.viewer.rrd import recording
 
 TREE = iiwa().tree
 TOOL_M = (0.0, 0.0, 0.1)
@@ -129,8 +129,7 @@ def test_meshes_of_packages_are_found_beside_the_urdf_and_other_joints_stand_sti
     (tmp_path / "arm.urdf").write_text(f'<robot name="two">{links}{joints}</robot>')
     path = tmp_path / "arm.rrd"
     with recording(path, "Arm") as stream:
-        time = time_column(np.arange(3.0))
-        send_arm(stream, "one", tmp_path / "arm.urdf", ["moves"], time, np.ones((3, 1)))
+        send_arm(stream, "one", tmp_path / "arm.urdf", ["moves"], np.arange(3.0), np.ones((3, 1)))
     assert values(path, "/one/two/visual_geometries/a/visual_0", "Asset3D:blob")
     assert len(values(path, "/one/frames/moves", "Transform3D:quaternion")) == 3
     assert len(values(path, "/one/frames/rests", "Transform3D:quaternion")) == 1

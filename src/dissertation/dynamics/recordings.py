@@ -22,20 +22,19 @@ from structlearn.rigid_body.model_names import DEFAULT, GROUND_TRUTH, model_name
 from structlearn.rigid_body.motion import Motion
 from structlearn.rigid_body.robot import Robot
 from structlearn.rigid_body.tree import KinematicTree
-from structlearn.viewer.arm_meshes import arm_contents, arm_view, followed_plots, send_arm, send_followed
+from structlearn.viewer.arm_meshes import arm_contents, arm_view, followed_view, send_arm, send_followed
 from structlearn.viewer.rrd import (
+    Recording,
+    Times,
+    below,
     entity,
-    layout,
     legend,
     notes_view,
     plot,
     recording,
     rgba,
-    send_moving_frame,
-    send_notes,
-    send_series,
+    table,
     thinning,
-    time_column,
 )
 
 ARM, BODY, WANTED = "arm", "payload", "wanted"
@@ -66,19 +65,16 @@ def write_reaches(
     Every model has a view with its arm and the tool's reference and actual path; plots show tool error and
     speed. The first model's run must not have been stopped.
     """
-    with recording(path, title) as stream:
-        stream.send_blueprint(_reaches_blueprint(shown, title))
+    with recording(path, title) as to:
+        to.show(_reaches_blueprint(shown, title))
         for reach in shown:
-            times, its_colour, speed = time_column(reach.time), colour(reach.model), reach.speeds[0]
-            send_arm(stream, f"arm_{reach.model}", urdf, joints, times, reach.joints)
-            _send_tool(stream, entity("tools", reach.model), times, reach.tool, its_colour, -2.0)
-            for kind, values in (("off", reach.off_mm), ("speed", speed)):
-                curve = entity(kind, reach.model)
-                send_series(stream, curve, [times], values[:, None], [reach.label], [its_colour])
-        first, times = shown[0], time_column(shown[0].time)
-        _send_tool(stream, WANTED, times, first.wanted, REFERENCE, -1.0)
-        speed = first.speeds[1][:, None]
-        send_series(stream, entity("speed", WANTED), [times], speed, [WANTED], [REFERENCE], width=3.0)
+            send_arm(to, f"arm_{reach.model}", urdf, joints, reach.time, reach.joints)
+            _send_tool(to, entity("tools", reach.model), reach.time, reach.tool, colour(reach.model), -2.0)
+            for kind, values in (("off", reach.off_mm), ("speed", reach.speeds[0])):
+                to.series(entity(kind, reach.model), reach.time, values, reach.label, colour(reach.model))
+        first = shown[0]
+        _send_tool(to, WANTED, first.time, first.wanted, REFERENCE, -1.0)
+        to.series(entity("speed", WANTED), first.time, first.speeds[1], WANTED, REFERENCE, width=3.0)
         rows = [
             f"| {COLOUR_NAMES[colour(reach.model)]} | {reach.label} "
             f"| {'' if reach.stopped else f'{reach.velocity_nmse:.2g}'} | {reach.stopped} |"
@@ -87,40 +83,35 @@ def write_reaches(
         notes = (
             f"### {title}\n\nSimulated. The same reaches ({COLOUR_NAMES[REFERENCE]}: wanted) with one model "
             "after the other in the controller; the first seed of each.\n\n"
-            "| colour | model | NMSE of the tool's velocity | stopped |\n|---|---|---|---|\n"
-            + "\n".join(rows)
+            + table("| colour | model | NMSE of the tool's velocity | stopped |", rows)
             + "\n\nA stopped arm stays where it was stopped.\n"
         )
-        send_notes(stream, notes)
+        to.notes(notes)
 
 
-def _send_tool(
-    stream: rr.RecordingStream, place: str, times: rr.TimeColumn, tool: np.ndarray, colour: str, width: float
-) -> None:
+def _send_tool(to: Recording, place: str, times: Times, tool: np.ndarray, colour: str, width: float) -> None:
     """Log a tool path (T, 3), and the tool moving along it."""
-    strips = rr.LineStrips3D([tool], colors=rgba([colour]), radii=width)
-    stream.log(f"{place}/path", strips, static=True)
-    send_moving_frame(stream, f"{place}/tool", [times], tool, None, colour, 0.0)
+    to.lines(f"{place}/path", [tool], colour, width)
+    to.moving_frame(f"{place}/tool", times, tool, colour)
 
 
-def _reaches_blueprint(shown: Sequence[TrackedReach], title: str) -> rrb.Blueprint:
+def _reaches_blueprint(shown: Sequence[TrackedReach], title: str) -> rrb.Container:
     views = [
         arm_view(
             f"{reach.label}{f' (stopped: {reach.stopped})' if reach.stopped else ''}",
-            [arm_contents(f"arm_{reach.model}"), f"{entity('tools', reach.model)}/**", f"/{WANTED}/**"],
+            [arm_contents(f"arm_{reach.model}"), below("tools", reach.model), f"/{WANTED}/**"],
             shown[0].wanted,
         )
         for reach in shown
     ]
     # limit the axis: an arm that runs away would hide all other curves
     farthest = 1.2 * max(float(np.quantile(reach.off_mm, 0.95)) for reach in shown if len(reach.time) > 1)
-    off = plot("tool error (mm)", ["/off/**"], legend=False)
-    off.properties["ScalarAxis"] = rrb.ScalarAxis(range=(0.0, farthest))
-    speed = plot("speed of the tool (m/s)", ["/speed/**"], legend=False)
-    speed.properties["ScalarAxis"] = rrb.ScalarAxis(range=(0.0, 2.0 * float(shown[0].speeds[1].max())))
+    fastest = 2.0 * float(shown[0].speeds[1].max())
+    off = plot("tool error (mm)", ["/off/**"], False, (0.0, farthest))
+    speed = plot("speed of the tool (m/s)", ["/speed/**"], False, (0.0, fastest))
     right = rrb.Vertical(off, speed, notes_view(), row_shares=[3, 3, 3])
     arms = rrb.Grid(*views, grid_columns=2, name=title)
-    return layout(rrb.Horizontal(arms, right, column_shares=[3, 2]))
+    return rrb.Horizontal(arms, right, column_shares=[3, 2])
 
 
 def write_torques(
@@ -145,16 +136,16 @@ def write_torques(
     predicted |= {name: predicted_torques(its, robot.tree, motion)[0] for name, its in models.items()}
     errors = pd.DataFrame({name: nmse(torques, motion.torque) for name, torques in predicted.items()}, joints)
     tool, _ = tool_motion(robot.tree, tool_m, motion.q, motion.qd)
-    times = time_column(every * dt * np.arange(len(motion)))
-    with recording(path, title) as stream:
-        stream.send_blueprint(_torque_blueprint(errors, motion, tool, title))
-        send_arm(stream, ARM, urdf, joints, times, motion.q)
+    times = every * dt * np.arange(len(motion))
+    with recording(path, title) as to:
+        to.show(_torque_blueprint(errors, motion, tool, title))
+        send_arm(to, ARM, urdf, joints, times, motion.q)
         for number, joint in enumerate(joints):
-            curve, measured = entity("torque", joint, MEASURED), motion.torque[:, [number]]
-            send_series(stream, curve, [times], measured, ["measured"], [REFERENCE], width=3.0)
+            curve, measured = entity("torque", joint, MEASURED), motion.torque[:, number]
+            to.series(curve, times, measured, "measured", REFERENCE, width=3.0)
             for model, torques in predicted.items():
                 curve, name = entity("torque", joint, model), model_name(model)
-                send_series(stream, curve, [times], torques[:, [number]], [name], [colour(model)])
+                to.series(curve, times, torques[:, number], name, colour(model))
         rows = [
             f"| {COLOUR_NAMES[colour(model)]} | {model_name(model)} | {error:.3g} |"
             for model, error in errors.mean().items()
@@ -162,24 +153,24 @@ def write_torques(
         notes = (
             f"### {title}\n\nSimulated. Measured torques ({COLOUR_NAMES[REFERENCE]}, wide) and those of "
             "models that learned from the whole log, first seed.\n\n"
-            "| colour | model | NMSE, mean over joints |\n|---|---|---|\n" + "\n".join(rows) + "\n"
+            + table("| colour | model | NMSE, mean over joints |", rows)
+            + "\n"
         )
-        send_notes(stream, notes)
+        to.notes(notes)
 
 
-def _torque_blueprint(errors: pd.DataFrame, motion: Motion, tool: np.ndarray, title: str) -> rrb.Blueprint:
+def _torque_blueprint(errors: pd.DataFrame, motion: Motion, tool: np.ndarray, title: str) -> rrb.Container:
     """Layout for the NMSE by joint (rows) and model (columns), and the tool path (T, 3) m."""
     plots = []
     for (joint, its), measured in zip(errors.iterrows(), motion.torque.T, strict=True):
         heading = f"{joint} (N m); best: {model_name(its.idxmin())}, NMSE {its.min():.2g}"
-        view = plot(heading, [f"{entity('torque', joint)}/**"], legend=False)
+        shown = [below("torque", joint)]
         # limit the axis: models that are far off would hide the measured torque
         low, high = np.quantile(measured, [0.002, 0.998])
         room = 0.25 * (high - low)
-        view.properties["ScalarAxis"] = rrb.ScalarAxis(range=(low - room, high + room))
-        plots.append(view)
+        plots.append(plot(heading, shown, False, (low - room, high + room)))
     left = rrb.Vertical(arm_view(title, [arm_contents(ARM)], tool), notes_view(), row_shares=[3, 2])
-    return layout(rrb.Horizontal(left, rrb.Grid(*plots, grid_columns=2), column_shares=[2, 5]))
+    return rrb.Horizontal(left, rrb.Grid(*plots, grid_columns=2), column_shares=[2, 5])
 
 
 def write_payload(
@@ -204,23 +195,22 @@ def write_payload(
     body, _ = tool_motion(tree, carried.point_m, q, log.velocities[near])
     held = time >= pick_up_s
     view = arm_view(title, [arm_contents(ARM), f"/{BODY}"], body)
-    right = rrb.Vertical(*followed_plots(), notes_view(), row_shares=[3, 3, 3, 4])
     colours = {
         "the payload, once it is carried": PAYLOAD,
         "true mass of the payload (wide)": REFERENCE,
         "online estimate of the last link (Cov), and its error": LEARNED,
         "error of the model of the empty arm": EMPTY,
     }
-    with recording(path, title) as stream:
-        stream.send_blueprint(layout(rrb.Horizontal(view, right, column_shares=[3, 3])))
-        send_arm(stream, ARM, urdf, tree.names, time_column(time), q)
-        stream.log(BODY, rr.Points3D.from_fields(colors=rgba([PAYLOAD]), radii=RADIUS_M), static=True)
-        stream.send_columns(BODY, [time_column(time[held])], rr.Points3D.columns(positions=body[held]))
+    with recording(path, title) as to:
+        to.show(followed_view(view))
+        send_arm(to, ARM, urdf, tree.names, time, q)
+        to.still(BODY, rr.Points3D.from_fields(colors=rgba(PAYLOAD), radii=RADIUS_M))
+        to.over(BODY, time[held], rr.Points3D.columns(positions=body[held]))
         really = np.where(held, carried.mass_kg, 0.0)
-        send_followed(stream, learned, time, really, (REFERENCE, LEARNED, EMPTY))
+        send_followed(to, learned, time, really, (REFERENCE, LEARNED, EMPTY))
         notes = (
             f"### {title}\n\nSimulated. After {pick_up_s:g} s the arm picks up {carried.mass_kg:g} kg, "
             f"which the model is not told.\n\n{legend(colours)}\n\n"
             "First moment of the mass: x orange, y green, z blue.\n"
         )
-        send_notes(stream, notes)
+        to.notes(notes)

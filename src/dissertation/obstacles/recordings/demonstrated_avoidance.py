@@ -13,16 +13,10 @@ import pandas as pd
 import rerun as rr
 import rerun.blueprint as rrb
 from pydantic import Field
-from rerun.components import FillMode
 
 from dissertation.obstacles.names import DEMONSTRATIONS, FREE, HIT, KINDS, SOURCES, model_name
 from dissertation.obstacles.protocol.avoidance_protocols import NO_MODEL, TRAINED
-from dissertation.obstacles.protocol.unrolled_reaches import (
-    Group,
-    SituationKey,
-    of_model,
-    without_avoidance,
-)
+from dissertation.obstacles.protocol.unrolled_reaches import Group, SituationKey, of_model, without_avoidance
 from dissertation.obstacles.world.scenarios import Scenario
 from structlearn.avoidance.avoidance_dataset import to_local
 from structlearn.avoidance.shapes import Obstacle
@@ -31,7 +25,7 @@ from structlearn.core.params import Parameters
 from structlearn.primitives.position import PositionPrimitive
 from structlearn.readers.demonstration import Demonstration
 from structlearn.viewer import rrd
-from structlearn.viewer.rrd import FLOOR_SQUARE_M, entity, plot, rgba, scene_view, send_curve, time_column
+from structlearn.viewer.rrd import FLOOR_SQUARE_M, Recording, below, entity, plot, rgba, scene_view
 
 BARE = SOURCES[""]  # look of the reach without avoidance
 PALE = 0.5  # opacity of the many demonstrations and of future paths
@@ -105,19 +99,19 @@ def write_avoidance_demonstrations(
     `places`: a scenario of each setting, and whether the reach without avoidance hits an obstacle there.
     """
     origin = rrd.origin_label([*unhindered, *(one for group in shown for one in group.demonstrations)])
-    with rrd.recording(path, title) as stream:
-        rrd.send_notes(stream, _notes(title, origin, shown, unhindered, places))
-        everything = _send_settings(stream, unhindered, baseline, places)
-        floor = rrd.send_floor_axes(stream, "/axes", everything)
+    with rrd.recording(path, title) as to:
+        to.notes(_notes(title, origin, shown, unhindered, places))
+        everything = _send_settings(to, unhindered, baseline, places)
+        floor = to.floor_axes("/axes", everything)
         settings = scene_view("all settings", ["/places", "/unhindered/**", "/axes"], everything, floor)
         scenes, details = [], []
         for one in shown:
-            name, points = one.scenario.name, send_scenario(stream, one)
-            floor = rrd.send_floor_axes(stream, entity(name, "axes"), points)
+            name, points = one.scenario.name, send_scenario(to, one)
+            floor = to.floor_axes(entity(name, "axes"), points)
             parts = ("obstacle", "demonstrated", BARE.name, "hands", "axes")
-            contents = [f"{entity(name, part)}/**" for part in parts]
+            contents = [below(name, part) for part in parts]
             scenes.append(scene_view(name, contents, points, floor))
-            curves = rrb.Vertical(*_send_signals(stream, one, baseline))
+            curves = rrb.Vertical(*_send_signals(to, one, baseline))
             detail = scene_view(name, contents, points, floor)
             details.append(rrb.Horizontal(detail, curves, column_shares=[4, 3], name=name))
         views: dict[str, rrb.Container | rrb.View] = {
@@ -128,11 +122,11 @@ def write_avoidance_demonstrations(
             rrb.Horizontal(view, rrd.notes_view(), column_shares=[4, 1], name=words)
             for words, view in views.items()
         ]
-        stream.send_blueprint(rrd.layout(rrb.Tabs(*tabs, *details, active_tab=0)))
+        to.show([*tabs, *details])
 
 
 def _send_settings(
-    stream: rr.RecordingStream,
+    to: Recording,
     unhindered: Sequence[Demonstration],
     baseline: PositionPrimitive,
     places: Sequence[tuple[Scenario, bool]],
@@ -141,33 +135,30 @@ def _send_settings(
     centres = [place.obstacle.centre for place, _ in places]
     colours = rgba([(HIT if hit else FREE).colour for _, hit in places])
     labels = [f"{place.setting:02d}" for place, _ in places]
-    balls = rr.Points3D(centres, colors=colours, radii=0.012, labels=labels, show_labels=True)
-    stream.log("places", balls, static=True)
+    to.dots("places", centres, colours, 0.012, labels=labels)
     paths = [one.position for one in unhindered]
-    send_paths(stream, entity("unhindered", "paths"), paths, DEMONSTRATIONS.colour, PALE)
+    to.lines(entity("unhindered", "paths"), paths, DEMONSTRATIONS.colour, -1.0, opacity=PALE)
     bare = baseline.unroll(0.01).position
-    send_paths(stream, entity("unhindered", BARE.name), [bare], BARE.colour, width=2.0)
+    to.lines(entity("unhindered", BARE.name), [bare], BARE.colour, -2.0)
     return np.concatenate([centres, *paths])
 
 
-def _send_signals(
-    stream: rr.RecordingStream, one: ShownScenario, baseline: PositionPrimitive
-) -> list[rrb.TimeSeriesView]:
+def _send_signals(to: Recording, one: ShownScenario, baseline: PositionPrimitive) -> list[rrb.TimeSeriesView]:
     """Log the demonstrated hands, and plot signals of the demonstrations and of no avoidance."""
     name, bare = one.scenario.name, without_avoidance(one.reaches)
     grey = DEMONSTRATIONS.colour
     people = [(person.name, person.time, person.position, grey) for person in one.demonstrations]
     for label, time, position, colour in people:
-        send_hand(stream, entity(name, "hands", label), time, position, colour)
+        to.moving_frame(entity(name, "hands", label), time, position, colour)
     for label, time, position, colour in [*people, (BARE.name, bare.time, bare.position, BARE.colour)]:
         local = 1e3 * to_local(position, baseline)
         curves = {"distance": 1e3 * one.scenario.obstacle.signed_distance(position)}
         curves |= {side: local[:, axis] for axis, side in SIDES.items()}
         for part, values in curves.items():
-            send_curve(stream, entity(name, part, label), time, values, label, colour)
+            to.series(entity(name, part, label), time, values, label, colour)
     words = {"distance": "distance to the surface (mm)"}
     words |= {side: f"hand {side} the straight line (mm)" for side in SIDES.values()}
-    return [plot(heading, [f"{entity(name, part)}/**"], False) for part, heading in words.items()]
+    return [plot(heading, [below(name, part)], False) for part, heading in words.items()]
 
 
 def _notes(
@@ -198,57 +189,55 @@ def write_trained_avoidance(path: str | Path, shown: Sequence[ShownScenario], ti
     coupling terms over time beside the demonstrated ones.
     """
     origin = rrd.origin_label([one for group in shown for one in group.demonstrations])
-    with rrd.recording(path, title) as stream:
+    with rrd.recording(path, title) as to:
         tabs = []
         for one in shown:
-            name, points = one.scenario.name, send_scenario(stream, one)
+            name, points = one.scenario.name, send_scenario(to, one)
             for number, rows in one.targets.groupby("demonstration"):
                 for axis, direction in DIRECTIONS.items():
                     curve = entity(name, "demonstrated terms", direction, str(number))
                     time, term = (rows[key].to_numpy(float) for key in ("time_s", f"target_{'xyz'[axis]}"))
-                    send_curve(stream, curve, time, term, DEMONSTRATIONS.name, DIM)
-            rrd.send_notes(stream, _trained_notes(title, origin, one), name)
-            floor = rrd.send_floor_axes(stream, entity(name, "axes"), points)
+                    to.series(curve, time, term, DEMONSTRATIONS.name, DIM)
+            to.notes(_trained_notes(title, origin, one), name)
+            floor = to.floor_axes(entity(name, "axes"), points)
             kinds = [kind for kind in KINDS if kind != NO_MODEL and of_model(one.reaches, kind)]
-            columns = [_send_model(stream, one, kind, points, floor) for kind in kinds]
+            columns = [_send_model(to, one, kind, points, floor) for kind in kinds]
             shares = [5] * len(columns) + [4]
             tabs.append(rrb.Horizontal(*columns, rrd.notes_view(name), column_shares=shares, name=name))
-        stream.send_blueprint(rrd.layout(rrb.Tabs(*tabs, active_tab=0)))
+        to.show(tabs)
 
 
 def _send_model(
-    stream: rr.RecordingStream, one: ShownScenario, kind: str, points: np.ndarray, floor: float
+    to: Recording, one: ShownScenario, kind: str, points: np.ndarray, floor: float
 ) -> rrb.Vertical:
     """Log paths and signals of a kind of model by training source; return its scene and plots."""
     name = one.scenario.name
     for reach in of_model(one.reaches, kind):
         label, colour = SOURCES[reach.learned_from]
         scene = entity(name, kind, label)
-        send_paths(stream, f"{scene}/path", [reach.position], colour, width=1.5)
+        to.lines(f"{scene}/path", [reach.position], colour, -1.5)
         arrows = rr.Arrows3D(
             origins=reach.position[::ARROW_EVERY],
             vectors=arrow_vectors(reach.coupling_in_base[::ARROW_EVERY]),
-            colors=rgba([colour], 0.8),
+            colors=rgba(colour, 0.8),
             radii=-0.8,
         )
-        stream.log(f"{scene}/coupling", arrows, static=True)
-        send_hand(stream, f"{scene}/hand", reach.time, reach.position, colour)
+        to.still(f"{scene}/coupling", arrows)
+        to.moving_frame(f"{scene}/hand", reach.time, reach.position, colour)
         distance = 1e3 * one.scenario.obstacle.signed_distance(reach.position)
-        send_curve(stream, entity(name, "distance", kind, label), reach.time, distance, label, colour)
+        to.series(entity(name, "distance", kind, label), reach.time, distance, label, colour)
         for axis, direction in DIRECTIONS.items():
             curve = entity(name, "terms", kind, direction, label)
-            send_curve(stream, curve, reach.time, reach.coupling[:, axis], label, colour)
+            to.series(curve, reach.time, reach.coupling[:, axis], label, colour)
     parts = ("obstacle", "demonstrated", BARE.name, "axes", kind)
-    view = scene_view(KINDS[kind].name, [f"{entity(name, part)}/**" for part in parts], points, floor)
-    nearness = plot("distance to the surface (mm)", [f"{entity(name, 'distance', kind)}/**"])
+    view = scene_view(KINDS[kind].name, [below(name, part) for part in parts], points, floor)
+    nearness = plot("distance to the surface (mm)", [below(name, "distance", kind)])
     limit = ROOM * float(np.abs(one.targets[["target_y", "target_z"]].to_numpy()).max())
     terms = []
     for direction in DIRECTIONS.values():
         curves = (("demonstrated terms", direction), ("terms", kind, direction))
-        contents = [f"{entity(name, *curve)}/**" for curve in curves]
-        term = plot(f"coupling {direction} (m)", contents, legend=False)
-        term.properties["ScalarAxis"] = rrb.ScalarAxis(range=(-limit, limit))
-        terms.append(term)
+        contents = [below(name, *curve) for curve in curves]
+        terms.append(plot(f"coupling {direction} (m)", contents, False, (-limit, limit)))
     return rrb.Vertical(view, nearness, *terms, row_shares=[5, 2, 2, 2])
 
 
@@ -274,41 +263,19 @@ def _trained_notes(title: str, origin: str, one: ShownScenario) -> str:
     )
 
 
-def _body(solid: Obstacle, colour: str) -> rr.AsComponents:
-    """Solid of an obstacle at rest."""
+def _send_body(to: Recording, path: str, solid: Obstacle, colour: str) -> None:
+    """Log the solid of an obstacle at rest."""
     from scipy.spatial.transform import Rotation
 
-    pose: dict[str, Any] = {
-        "centers": [solid.centre],
-        "quaternions": [Rotation.from_matrix(solid.rotation).as_quat()],  # x, y, z, w
-        "colors": rgba([colour], SOLID_OPACITY),
-        "fill_mode": FillMode.Solid,
-    }
+    turned = Rotation.from_matrix(solid.rotation).as_quat()  # x, y, z, w
+    pose: dict[str, Any] = {"centers": [solid.centre], "quaternions": [turned]}
+    look = (colour, SOLID_OPACITY)
     if solid.shape == "cylinder":
         radius, _, half_height = solid.half_size
-        return rr.Cylinders3D(lengths=[2.0 * half_height], radii=[radius], **pose)
-    drawn = rr.Boxes3D if solid.shape == "cube" else rr.Ellipsoids3D
-    return drawn(half_sizes=[solid.half_size], **pose)
-
-
-def send_paths(
-    stream: rr.RecordingStream,
-    path: str,
-    positions: Sequence[np.ndarray],
-    colour: str,
-    opacity: float = 1.0,
-    width: float = 1.0,
-) -> None:
-    """Log whole paths, (T, 3) m each, as lines; `width` is half the line width in points."""
-    strips = rr.LineStrips3D(list(positions), colors=rgba([colour], opacity), radii=-width)
-    stream.log(path, strips, static=True)
-
-
-def send_hand(
-    stream: rr.RecordingStream, path: str, time: np.ndarray, position: np.ndarray, colour: str
-) -> None:
-    """Log a hand moving over time (T,) s as a point (T, 3) m."""
-    rrd.send_moving_frame(stream, path, [time_column(time)], position, None, colour, 0.0)
+        to.solid(path, rr.Cylinders3D, *look, lengths=[2.0 * half_height], radii=[radius], **pose)
+    else:
+        kind = rr.Boxes3D if solid.shape == "cube" else rr.Ellipsoids3D
+        to.solid(path, kind, *look, half_sizes=[solid.half_size], **pose)
 
 
 def arrow_vectors(coupling: np.ndarray) -> np.ndarray:
@@ -318,14 +285,14 @@ def arrow_vectors(coupling: np.ndarray) -> np.ndarray:
     return vectors * np.minimum(1.0, LONGEST_ARROW_M / np.maximum(length, LONGEST_ARROW_M))
 
 
-def send_scenario(stream: rr.RecordingStream, one: ShownScenario) -> np.ndarray:
+def send_scenario(to: Recording, one: ShownScenario) -> np.ndarray:
     """Log an obstacle, demonstrations and the reach without avoidance; return all points (N, 3) m."""
     name, bare = one.scenario.name, without_avoidance(one.reaches)
     demonstrated = [person.position for person in one.demonstrations]
     colour, path = (HIT if bare.hit else FREE).colour, entity(name, "obstacle")
-    stream.log(f"{path}/solid", _body(one.scenario.obstacle, colour), static=True)
-    stream.log(f"{path}/cloud", rr.Points3D(one.cloud, colors=rgba([colour]), radii=-1.5), static=True)
-    send_paths(stream, entity(name, "demonstrated"), demonstrated, DEMONSTRATIONS.colour, PALE)
-    send_paths(stream, entity(name, BARE.name, "path"), [bare.position], BARE.colour, width=2.0)
-    send_hand(stream, entity(name, BARE.name, "hand"), bare.time, bare.position, BARE.colour)
+    _send_body(to, f"{path}/solid", one.scenario.obstacle, colour)
+    to.dots(f"{path}/cloud", one.cloud, colour, -1.5)
+    to.lines(entity(name, "demonstrated"), demonstrated, DEMONSTRATIONS.colour, -1.0, opacity=PALE)
+    to.lines(entity(name, BARE.name, "path"), [bare.position], BARE.colour, -2.0)
+    to.moving_frame(entity(name, BARE.name, "hand"), bare.time, bare.position, BARE.colour)
     return np.concatenate([one.cloud, bare.position, *demonstrated])

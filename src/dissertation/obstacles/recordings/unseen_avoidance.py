@@ -18,20 +18,13 @@ from dissertation.obstacles.protocol.unrolled_reaches import (
     of_model,
     without_avoidance,
 )
-from dissertation.obstacles.recordings.demonstrated_avoidance import (
-    BARE,
-    PALE,
-    SOLID_OPACITY,
-    arrow_vectors,
-    send_hand,
-    send_paths,
-)
+from dissertation.obstacles.recordings.demonstrated_avoidance import BARE, PALE, SOLID_OPACITY, arrow_vectors
 from structlearn.avoidance.avoidance_dataset import baseline_axes
 from structlearn.avoidance.learned_models import ENSEMBLE
 from structlearn.palette import BLUE
 from structlearn.primitives.position import PositionPrimitive
 from structlearn.viewer import rrd
-from structlearn.viewer.rrd import FLOOR_SQUARE_M, entity, plot, rgba, scene_view, send_curve, time_column
+from structlearn.viewer.rrd import FLOOR_SQUARE_M, Recording, entity, plot, rgba, scene_view
 
 SPHERE, STEPS_PER_S = "sphere", 2.0  # time line with one step per sphere
 SHOWN = 3  # reaches per situation, evenly spread over those that hit without avoidance
@@ -53,34 +46,32 @@ def write_unseen_avoidance(
     """
     centres = in_base_frame(situation.obstacles[0].centre, baseline)
     ensembles = ensembles_of(groups)
-    with rrd.recording(path, title) as stream:
-        rrd.send_notes(stream, _notes(title, groups))
-        steps = [rr.TimeColumn(SPHERE, sequence=situation.numbers)]
-        _send_spheres(stream, situation, centres, groups, baseline, steps)
+    with rrd.recording(path, title) as to:
+        to.notes(_notes(title, groups))
+        steps = rr.TimeColumn(SPHERE, sequence=situation.numbers)
+        _send_spheres(to, situation, centres, groups, baseline, steps)
         bare = [without_avoidance(group) for group in groups]
-        send_paths(stream, entity(BARE.name), [bare[0].position], BARE.colour, width=2.0)
-        _send_closest(stream, bare, steps)
+        to.lines(entity(BARE.name), [bare[0].position], BARE.colour, -2.0)
+        _send_closest(to, bare, steps)
         for source, its in ensembles.items():
             positions, colour = [reach.position for reach in its], SOURCES[source].colour
-            send_paths(stream, entity("all", source), positions, colour, 0.7, 0.7)
-            look = rr.LineStrips3D.from_fields(colors=rgba([colour]), radii=-1.5)
+            to.lines(entity("all", source), positions, colour, -0.7, opacity=0.7)
             one = entity("one", "paths", source)
-            stream.log(one, look, static=True)
-            stream.send_columns(one, steps, rr.LineStrips3D.columns(strips=positions))
-            _send_closest(stream, its, steps)
+            to.still(one, rr.LineStrips3D.from_fields(colors=rgba(colour), radii=-1.5))
+            to.over(one, steps, rr.LineStrips3D.columns(strips=positions))
+            _send_closest(to, its, steps)
         texts = []
         for number, group in zip(situation.numbers, groups, strict=True):
             rows = [
                 f"| {SOURCES[one.learned_from].name} | {one.obstacle_distance:.2f} | {'hit' * one.hit} |"
                 for one in [without_avoidance(group), *of_model(group, ENSEMBLE)]
             ]
-            head = f"## Sphere {number}\n\n| path | closest (radii) | |\n|---|---|---|\n"
-            texts.append(head + "\n".join(rows))
+            texts.append(f"## Sphere {number}\n\n{rrd.table('| path | closest (radii) | |', rows)}")
         columns = rr.TextDocument.columns(text=texts, media_type=[rr.MediaType.MARKDOWN] * len(texts))
-        stream.send_columns(rrd.notes_path(SPHERE), steps, columns)
+        to.over(entity("notes", SPHERE), steps, columns)
         everything = np.concatenate([reach.position for its in ensembles.values() for reach in its])
-        floor = rrd.send_floor_axes(stream, "/axes", everything)
-        stream.send_blueprint(_blueprint(ensembles, centres, everything, floor))
+        floor = to.floor_axes("/axes", everything)
+        to.show(_blueprint(ensembles, centres, everything, floor), SPHERE, STEPS_PER_S)
 
 
 def ensembles_of(groups: Sequence[Group]) -> dict[str, list[Reach]]:
@@ -96,7 +87,7 @@ def hits_table(groups: Sequence[Group]) -> str:
     for source, its in ensembles_of(groups).items():
         counts[model_name(ENSEMBLE, source)] = sum(reach.hit for reach in its)
     rows = [f"| {name} | {count} |" for name, count in counts.items()]
-    return f"| hits | of {len(groups)} |\n|---|---|\n" + "\n".join(rows) + "\n"
+    return rrd.table(f"| hits | of {len(groups)} |", rows) + "\n"
 
 
 def ensemble_legend(groups: Sequence[Group]) -> str:
@@ -106,33 +97,32 @@ def ensemble_legend(groups: Sequence[Group]) -> str:
 
 
 def _send_spheres(
-    stream: rr.RecordingStream,
+    to: Recording,
     situation: Situations,
     centres: np.ndarray,
     groups: Sequence[Group],
     baseline: PositionPrimitive,
-    steps: Sequence[rr.TimeColumn],
+    steps: rr.TimeColumn,
 ) -> None:
     """Log all centres as small balls, and each step's sphere in full size."""
     colours = [(HIT if without_avoidance(group).hit else FREE).colour for group in groups]
     labels = [str(number) for number in situation.numbers]
-    balls = rr.Points3D(centres, colors=rgba(colours), radii=0.006, labels=labels, show_labels=False)
-    stream.log("centres", balls, static=True)
+    to.dots("centres", centres, colours, 0.006, labels=labels, show_labels=False)
     spheres = situation.obstacles[0]
     cloud = (spheres.points[0] - spheres.centre[0]) @ baseline_axes(baseline).T
     path, radius = entity("one", "sphere"), float(spheres.radius[0])
-    send_sphere(stream, path, cloud, radius, steps, centres, colours)
+    send_sphere(to, path, cloud, radius, steps, centres, colours)
 
 
-def _send_closest(stream: rr.RecordingStream, reaches: Group, steps: Sequence[rr.TimeColumn]) -> None:
+def _send_closest(to: Recording, reaches: Group, steps: rr.TimeColumn) -> None:
     look, name = SOURCES[reaches[0].learned_from], reaches[0].learned_from or BARE.name
     closest = np.array([[reach.obstacle_distance] for reach in reaches])
-    rrd.send_series(stream, entity("closest", name), steps, closest, [look.name], [look.colour])
+    to.series(entity("closest", name), steps, closest, [look.name], [look.colour])
 
 
 def _blueprint(
     ensembles: dict[str, list[Reach]], centres: np.ndarray, everything: np.ndarray, floor: float
-) -> rrb.Blueprint:
+) -> list[rrb.Horizontal]:
     points = np.concatenate([centres, *(its[0].position for its in ensembles.values())])
     around = [entity(BARE.name), "/centres", "/axes"]
     one = scene_view("one sphere, all ensembles", ["/one/**", *around], points, floor)
@@ -146,7 +136,7 @@ def _blueprint(
     together = rrb.Horizontal(
         rrb.Grid(*scenes, grid_columns=2), rrd.notes_view(), column_shares=[4, 1], name="all paths"
     )
-    return rrd.layout(rrb.Tabs(together, stepped, active_tab=0), timeline=SPHERE, steps_per_s=STEPS_PER_S)
+    return [together, stepped]
 
 
 def _notes(title: str, groups: Sequence[Group]) -> str:
@@ -170,18 +160,17 @@ def write_changing_avoidance(
 
     A tab shows some reaches as scenes over time, with the distance to the nearest sphere below each.
     """
-    with rrd.recording(path, title) as stream:
+    with rrd.recording(path, title) as to:
         tabs = []
         for situation in situations:
             protocol, groups = situation.protocol, groups_of(situation, reaches)
-            rrd.send_notes(stream, _changing_notes(title, protocol, groups), protocol)
+            to.notes(_changing_notes(title, protocol, groups), protocol)
             cells = [
-                _send_scene(stream, situation, index, groups[index], baseline)
-                for index in shown_reaches(groups)
+                _send_scene(to, situation, index, groups[index], baseline) for index in shown_reaches(groups)
             ]
             shares, name = [4] * len(cells) + [3], SITUATIONS[protocol]
             tabs.append(rrb.Horizontal(*cells, rrd.notes_view(protocol), column_shares=shares, name=name))
-        stream.send_blueprint(rrd.layout(rrb.Tabs(*tabs, active_tab=0)))
+        to.show(tabs)
 
 
 def shown_reaches(groups: Sequence[Group], count: int = SHOWN) -> list[int]:
@@ -200,7 +189,7 @@ def surface_distances(
 
 
 def _send_scene(
-    stream: rr.RecordingStream, situation: Situations, index: int, group: Group, baseline: PositionPrimitive
+    to: Recording, situation: Situations, index: int, group: Group, baseline: PositionPrimitive
 ) -> rrb.Vertical:
     """Log each ensemble's reach in one situation; return a scene with the distances below it."""
     heading = f"{SITUATIONS[situation.protocol]} {situation.numbers[index]}"
@@ -220,23 +209,23 @@ def _send_scene(
         hit = bare.hit and nearest[number] <= max(0.0, nearest.min())
         colours = [(HIT if hit else FREE).colour] * len(bare.time)
         sphere = f"{scene}/spheres/{number}"
-        send_sphere(stream, sphere, cloud, radii[number], [time_column(bare.time)], path, colours)
+        send_sphere(to, sphere, cloud, radii[number], bare.time, path, colours)
     times, goals = [0.0], [baseline.goal]
     if situation.goal_change is not None:
         times.append(situation.goal_change.time)
         goals.append(np.reshape(situation.goal_change.goals, (-1, 3))[0])
-    stream.log(f"{scene}/goal", rr.Points3D.from_fields(colors=rgba([BLUE]), radii=-5.0), static=True)
+    to.still(f"{scene}/goal", rr.Points3D.from_fields(colors=rgba(BLUE), radii=-5.0))
     points = rr.Points3D.columns(positions=goals)
-    stream.send_columns(f"{scene}/goal", [time_column(np.array(times))], points)
+    to.over(f"{scene}/goal", np.array(times), points)
     drawn = [bare, *of_model(group, ENSEMBLE)]
     for reach in drawn:
         label, colour = SOURCES[reach.learned_from]
-        send_paths(stream, entity(*parts, "ahead", label), [reach.position], colour, PALE)
-        send_trail(stream, entity(*parts, "reaches", label), reach, colour)
+        to.lines(entity(*parts, "ahead", label), [reach.position], colour, -1.0, opacity=PALE)
+        send_trail(to, entity(*parts, "reaches", label), reach, colour)
         distance = 1e3 * surface_distances(reach.position, centres, radii).min(axis=0)
-        send_curve(stream, entity(*parts, "distance", label), reach.time, distance, label, colour)
+        to.series(entity(*parts, "distance", label), reach.time, distance, label, colour)
     everything = np.concatenate([*(reach.position for reach in drawn), *centres])
-    floor = rrd.send_floor_axes(stream, f"{scene}/axes", everything)
+    floor = to.floor_axes(f"{scene}/axes", everything)
     contents = [f"{scene}/{part}/**" for part in ("spheres", "reaches", "ahead", "goal", "axes")]
     distances = plot("distance to the surface (mm)", [f"{scene}/distance/**"], legend=False)
     view = scene_view(heading, contents, everything, floor)
@@ -261,31 +250,27 @@ def in_base_frame(points: np.ndarray, baseline: PositionPrimitive) -> np.ndarray
 
 
 def send_sphere(
-    stream: rr.RecordingStream,
+    to: Recording,
     path: str,
     cloud: np.ndarray,
     radius: float,
-    indexes: Sequence[rr.TimeColumn],
+    times: rrd.Times,
     centres: np.ndarray,
     colours: Sequence[str],
 ) -> None:
     """Log a sphere with changing centre (T, 3) m and colour; `cloud` (P, 3) m is relative to the centre."""
-    solid = rr.Ellipsoids3D(half_sizes=[[radius] * 3], fill_mode=FillMode.Solid)
-    stream.log(f"{path}/solid", solid, static=True)
-    stream.log(f"{path}/cloud", rr.Points3D(cloud, radii=-1.5), static=True)
+    to.still(f"{path}/solid", rr.Ellipsoids3D(half_sizes=[[radius] * 3], fill_mode=FillMode.Solid))
+    to.still(f"{path}/cloud", rr.Points3D(cloud, radii=-1.5))
     pale = rr.Ellipsoids3D.columns(colors=rgba(colours, SOLID_OPACITY))
-    stream.send_columns(path, indexes, rr.Transform3D.columns(translation=centres))
-    stream.send_columns(f"{path}/solid", indexes, pale)
-    stream.send_columns(f"{path}/cloud", indexes, rr.Points3D.columns(colors=rgba(colours)))
+    to.over(path, times, rr.Transform3D.columns(translation=centres))
+    to.over(f"{path}/solid", times, pale)
+    to.over(f"{path}/cloud", times, rr.Points3D.columns(colors=rgba(colours)))
 
 
-def send_trail(stream: rr.RecordingStream, path: str, reach: Reach, colour: str) -> None:
+def send_trail(to: Recording, path: str, reach: Reach, colour: str) -> None:
     """Log a reach over time: the hand with its coupling term, and the path travelled."""
-    times = [time_column(reach.time)]
-    send_hand(stream, f"{path}/hand", reach.time, reach.position, colour)
-    stream.log(f"{path}/trail", rr.LineStrips3D.from_fields(colors=rgba([colour]), radii=-1.5), static=True)
-    trails = [reach.position[: max(end, 2)] for end in range(1, len(reach.time) + 1)]
-    stream.send_columns(f"{path}/trail", times, rr.LineStrips3D.columns(strips=trails))
-    stream.log(f"{path}/coupling", rr.Arrows3D.from_fields(colors=rgba([colour]), radii=-1.5), static=True)
+    to.moving_frame(f"{path}/hand", reach.time, reach.position, colour)
+    to.trail(f"{path}/trail", reach.time, reach.position, colour, -1.5)
+    to.still(f"{path}/coupling", rr.Arrows3D.from_fields(colors=rgba(colour), radii=-1.5))
     arrows = rr.Arrows3D.columns(origins=reach.position, vectors=arrow_vectors(reach.coupling_in_base))
-    stream.send_columns(f"{path}/coupling", times, arrows)
+    to.over(f"{path}/coupling", reach.time, arrows)

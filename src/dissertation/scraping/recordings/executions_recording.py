@@ -9,16 +9,9 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 import pybullet_data
-import rerun as rr
 import rerun.blueprint as rrb
 
-from dissertation.scraping.files import (
-    CLOSED_LOOP,
-    CORRECTIONS,
-    REFINED,
-    ScrapingFiles,
-    read_datasets,
-)
+from dissertation.scraping.files import CLOSED_LOOP, CORRECTIONS, REFINED, ScrapingFiles, read_datasets
 from dissertation.scraping.names import CORRECTED, RUNS
 from dissertation.scraping.protocol.execution_scores import (
     AFTER,
@@ -44,6 +37,7 @@ from structlearn.primitives.primitive_files import read_primitives
 from structlearn.primitives.transformation import ALPHA, BETA
 from structlearn.viewer import rrd
 from structlearn.viewer.arm_meshes import arm_contents, send_arm
+from structlearn.viewer.rrd import Recording, below
 
 FEEDBACK_NOTE = f"""### Scraping with feedback
 
@@ -97,16 +91,16 @@ def write_executions(
     every = [one for group in settings.values() for one in group]
     scale = full_scale(every)  # electrode colours are comparable across settings
     note = FEEDBACK_NOTE if refinement is None else REFINEMENT_NOTE
-    with rrd.recording(path, title) as stream:
-        rrd.send_notes(stream, _notes(note, next(iter(settings.values()))))
+    with rrd.recording(path, title) as to:
+        to.notes(_notes(note, next(iter(settings.values()))))
         tabs = [
-            _send_setting(stream, f"{setting:g} degrees", group, scale) for setting, group in settings.items()
+            _send_setting(to, f"{setting:g} degrees", group, scale) for setting, group in settings.items()
         ]
         if refinement is not None:
             origin = rrd.origin_label([one.run for one in every])
-            tabs += [send_search(stream, search, origin) for search in searches(*refinement)]
+            tabs += [send_search(to, search, origin) for search in searches(*refinement)]
         speed = None if refinement is None else 1.0
-        stream.send_blueprint(rrd.layout(rrb.Tabs(*tabs, active_tab=0), steps_per_s=speed))
+        to.show(tabs, steps_per_s=speed)
 
 
 def write_robot(path: str | Path, one: Execution, title: str = "Robot") -> None:
@@ -117,16 +111,16 @@ def write_robot(path: str | Path, one: Execution, title: str = "Robot") -> None:
     angles = one.run.joint_positions
     if angles is None or angles.shape[1] != len(JOINTS):
         raise ValueError(f"{one.run.name}: needs the positions of {len(JOINTS)} joints")
-    times = rrd.time_column(one.run.time[one.kept])
+    times = one.run.time[one.kept]
     scale = full_scale([one])
-    with rrd.recording(path, title) as stream:
-        rrd.send_notes(stream, _notes(ROBOT_NOTE, [one]))
-        send_arm(stream, "arm", URDF, JOINTS, times, angles[one.kept])
-        send_scene(stream, "run", one, scale)
+    with rrd.recording(path, title) as to:
+        to.notes(_notes(ROBOT_NOTE, [one]))
+        send_arm(to, "arm", URDF, JOINTS, times, angles[one.kept])
+        send_scene(to, "run", one, scale)
         names = [f"joint {number + 1}" for number in range(len(JOINTS))]
         colours = [primitive_colour(number) for number in range(len(JOINTS))]
         moved = np.degrees(angles[one.kept] - angles[0])
-        rrd.send_series(stream, "joints", [times], moved, names, colours)
+        to.series("joints", times, moved, names, colours)
 
         # view the arm from the side that the tool turns away from
         target, offset = np.array([0.57 * CONTACT_M[0], 0.0, 0.4]), 1.3 * np.array([0.45, -0.85, 0.3])
@@ -134,15 +128,13 @@ def write_robot(path: str | Path, one: Execution, title: str = "Robot") -> None:
         details = rrb.Horizontal(
             close_view(f"board at {one.board_deg:g} degrees", ["/run/**"]),
             rrb.Vertical(
-                send_electrode_map(stream, "electrodes", one, scale), rrd.notes_view(), row_shares=[2, 3]
+                send_electrode_map(to, "electrodes", one, scale), rrd.notes_view(), row_shares=[2, 3]
             ),
         )
         moving = rrd.plot("joints since the start (degrees)", ["/joints"], legend=False)
-        right = rrb.Vertical(*send_signals(stream, "signals", [one]), moving)
+        right = rrb.Vertical(*send_signals(to, "signals", [one]), moving)
         whole = rrd.eye_view(heading, [arm_contents("arm"), "/run/**"], target, offset)
-        stream.send_blueprint(
-            rrd.layout(rrb.Horizontal(rrb.Vertical(whole, details), right, column_shares=[4, 3]))
-        )
+        to.show(rrb.Horizontal(rrb.Vertical(whole, details), right, column_shares=[4, 3]))
 
 
 def _notes(text: str, executions: Sequence[Execution]) -> str:
@@ -152,31 +144,27 @@ def _notes(text: str, executions: Sequence[Execution]) -> str:
     return f"{text}\n{colours}\n\n**{origin}**\n\n{FINGERS}"
 
 
-def _send_setting(
-    stream: rr.RecordingStream, tab: str, group: Sequence[Execution], scale: float
-) -> rrb.Horizontal:
+def _send_setting(to: Recording, tab: str, group: Sequence[Execution], scale: float) -> rrb.Horizontal:
     """Log the executions of one setting; return its tab."""
     names = [one.look.name for one in group]
     shadows = {pale: of for pale, of in PALE.items() if {pale, of} <= set(names)}
     for one in group:
-        send_scene(stream, rrd.entity(tab, "runs", one.look.name), one, scale, one.look.name in shadows)
+        send_scene(to, rrd.entity(tab, "runs", one.look.name), one, scale, one.look.name in shadows)
     scenes = []
     for name in names:
         if name not in shadows:
             shown = [name, *(pale for pale, of in shadows.items() if of == name)]
             heading = " (pale: ".join(shown) + ")" * (len(shown) - 1)
-            contents = [f"{rrd.entity(tab, 'runs', one)}/**" for one in shown]
+            contents = [below(tab, "runs", one) for one in shown]
             scenes.append(close_view(f"{heading}{rrd.origin_label([group[0].run])}", contents))
-    maps = [
-        send_electrode_map(stream, rrd.entity(tab, "electrodes", one.look.name), one, scale) for one in group
-    ]
+    maps = [send_electrode_map(to, rrd.entity(tab, "electrodes", one.look.name), one, scale) for one in group]
     left = rrb.Vertical(
         rrb.Horizontal(*scenes), rrb.Horizontal(*maps), rrd.notes_view(), row_shares=[10, 5, 7]
     )
     segments = group[0].run.signal("true_segments")  # the same in every setting
-    times = rrd.time_column(np.append(segments[:, 0], segments[-1, 1]))
-    rrd.send_primitive_lane(stream, "primitive", [times], group[0].primitives)
-    plots = rrb.Vertical(*send_signals(stream, tab, group), rrd.lanes(["primitive"]))
+    times = np.append(segments[:, 0], segments[-1, 1])
+    to.lane("primitive", times, group[0].primitives)
+    plots = rrb.Vertical(*send_signals(to, tab, group), rrd.lanes(["primitive"]))
     return rrb.Horizontal(left, plots, column_shares=[3, 2], name=tab)
 
 

@@ -22,6 +22,7 @@ from structlearn.segmentation.parameters import AXES, SegmentParameters
 from structlearn.segmentation.segments import Segmentation
 from structlearn.viewer import learned_primitives, recorded_demonstrations, rrd
 from structlearn.viewer.diagram import texts
+from structlearn.viewer.rrd import Recording
 
 DEMONSTRATED = """A person guides the tool down to the level board, turns it and scrapes. Colours show the
 primitives, white is outside of them (dissertation IV.5). The hand is that of {reference}; every
@@ -57,14 +58,14 @@ def write_primitives(
     learned_primitives.write_primitives(path, demonstrations, primitives, paths, title, LEARNED, scenery)
 
 
-def _send_scenery(stream: rr.RecordingStream, hand: str) -> list[str]:
+def _send_scenery(to: Recording, hand: str) -> list[str]:
     """Log the level board, and a hand with the tool below the entity of its moving frame; see `Scenery`."""
-    stream.log("scenery", rr.Transform3D(translation=[0.0, 0.0, -SUNK_M]), static=True)
-    send_board(stream, "scenery/board")
-    send_hand(stream, hand)
+    to.still("scenery", rr.Transform3D(translation=[0.0, 0.0, -SUNK_M]))
+    send_board(to, "scenery/board")
+    send_hand(to, hand)
     grasp = rr.Transform3D(translation=[0.0, 0.0, -EDGE_M])  # unloaded
-    stream.log(f"{hand}/tool", grasp, static=True)
-    send_tool(stream, f"{hand}/tool", SKIN)
+    to.still(f"{hand}/tool", grasp)
+    send_tool(to, f"{hand}/tool", SKIN)
     return ["/scenery/**"]
 
 
@@ -123,8 +124,8 @@ def write_alignment(
     aligned = set(pairs["demonstration"]) & set(segmentation.cuts["demonstration"])
     guesses = [name for name in by_name if name in aligned]
     views = []
-    with rrd.recording(path, title) as stream:
-        rrd.send_notes(stream, f"{NOTE}\n**{rrd.origin_sentence(demonstrations)}**")
+    with rrd.recording(path, title) as to:
+        to.notes(f"{NOTE}\n**{rrd.origin_sentence(demonstrations)}**")
         for one in parameters.primitives:
             if one.axis == "between":
                 continue
@@ -134,18 +135,18 @@ def write_alignment(
                 _curve(by_name[name], zvc.loc[name], one.axis, parameters, top, scale)
                 for name, top in [(segmentation.reference, 0.0), *((name, HEIGHT + GAP) for name in guesses)]
             ]
-            stream.reset_time()
-            _send_curve(stream, one.name, reference, segmentation, is_reference=True)
+            to.reset_time()
+            _send_curve(to, one.name, reference, segmentation, is_reference=True)
             for number, curve in enumerate(others, start=1):
-                stream.set_time(DEMONSTRATION, sequence=number)
-                _send_curve(stream, one.name, curve, segmentation)
+                to.set_time(DEMONSTRATION, sequence=number)
+                _send_curve(to, one.name, curve, segmentation)
                 own = (pairs["demonstration"] == curve.name) & (pairs["primitive"] == one.name)
-                _send_pairs(stream, one.name, reference, curve, pairs[own])
+                _send_pairs(to, one.name, reference, curve, pairs[own])
             bounds = ([-LEFT, WIDTH], [-MARGIN, 2 * HEIGHT + GAP + MARGIN])
             heading = f"{one.name}: position along {one.axis}{rrd.origin_label(demonstrations)}"
             views.append(rrd.flat_view(heading, rrd.entity(one.name), *bounds))
         shown = rrb.Horizontal(rrb.Vertical(*views), rrd.notes_view(), column_shares=[5, 1])
-        stream.send_blueprint(rrd.layout(shown, DEMONSTRATION, steps_per_s=1.0))
+        to.show(shown, DEMONSTRATION, steps_per_s=1.0)
 
 
 def _curve(
@@ -167,11 +168,7 @@ def _curve(
 
 
 def _send_curve(
-    stream: rr.RecordingStream,
-    primitive: str,
-    curve: _Curve,
-    segmentation: Segmentation,
-    is_reference: bool = False,
+    to: Recording, primitive: str, curve: _Curve, segmentation: Segmentation, is_reference: bool = False
 ) -> None:
     """Log a curve with its name, its time scale, and bars at its start and end.
 
@@ -179,8 +176,8 @@ def _send_curve(
     """
     path = rrd.entity(primitive, "reference" if is_reference else "guess")
     thinned = curve.time[:: rrd.thinning(float(curve.time[1] - curve.time[0]))]
-    line = rr.LineStrips2D([curve.points(thinned)], colors=rrd.rgba([WHITE]), radii=-1.5)
-    stream.log(f"{path}/curve", line, static=is_reference)
+    line = rr.LineStrips2D([curve.points(thinned)], colors=rrd.rgba(WHITE), radii=-1.5)
+    to.log(f"{path}/curve", line, static=is_reference)
 
     outside = -3 * BAR if is_reference else HEIGHT + 2 * BAR  # beyond the space between the curves
     seconds = np.arange(np.ceil(2 * curve.time[0]), 2 * curve.time[-1]) / 2
@@ -188,23 +185,21 @@ def _send_curve(
     places = [*ticks, [-0.5 * LEFT, curve.top + 0.4 * HEIGHT]]
     name = f"{'reference' if is_reference else 'demonstration'} {curve.name}"
     labels = texts(places, [*(f"{second:g} s" for second in seconds), name], [GREY])
-    stream.log(f"{path}/scale", labels, static=is_reference)
+    to.log(f"{path}/scale", labels, static=is_reference)
 
     tips = {"zvc": -BAR} if is_reference else {"zvc": -BAR, RESULT: BAR}
     for method, tip in tips.items():
         cut, look = segmentation.result(primitive, method).loc[curve.name], CUT_METHODS[method]
         ends = curve.points(np.array([cut["start_s"], cut["end_s"]], dtype=float))
         bars = ends[:, None, :] + np.array([[0.0, 0.0], [0.0, tip]])
-        strips = rr.LineStrips2D(bars, colors=rrd.rgba([look.colour]), radii=-2.0)
-        stream.log(f"{path}/{method}", strips, static=is_reference)
+        strips = rr.LineStrips2D(bars, colors=rrd.rgba(look.colour), radii=-2.0)
+        to.log(f"{path}/{method}", strips, static=is_reference)
         label_at = ends + np.array([0.0, tip if tip > 0 else 2 * tip])  # labels hang below their points
         labels = texts(label_at, [look.name] * 2, [look.colour])
-        stream.log(f"{path}/{method}/name", labels, static=is_reference)
+        to.log(f"{path}/{method}/name", labels, static=is_reference)
 
 
-def _send_pairs(
-    stream: rr.RecordingStream, primitive: str, reference: _Curve, guess: _Curve, pairs: pd.DataFrame
-) -> None:
+def _send_pairs(to: Recording, primitive: str, reference: _Curve, guess: _Curve, pairs: pd.DataFrame) -> None:
     """Log corresponding samples as lines between the curves."""
     times, weights = pairs[["reference_s", "guess_s"]].to_numpy(), pairs["weight"].to_numpy()
     lines = np.stack([reference.points(times[:, 0]), guess.points(times[:, 1])], axis=1)  # (K, 2, 2)
@@ -214,6 +209,6 @@ def _send_pairs(
     thin = rr.LineStrips2D(
         lines[shown], colors=rrd.blended(share, (DROPPED, LIGHT_BLUE)), radii=-0.7, draw_order=-2.0
     )
-    stream.log(rrd.entity(primitive, "pairs"), thin)
-    thick = rr.LineStrips2D(lines[bold], colors=rrd.rgba([OCHRE]), radii=-1.5, draw_order=-1.0)
-    stream.log(rrd.entity(primitive, "best pairs"), thick)
+    to.log(rrd.entity(primitive, "pairs"), thin)
+    thick = rr.LineStrips2D(lines[bold], colors=rrd.rgba(OCHRE), radii=-1.5, draw_order=-1.0)
+    to.log(rrd.entity(primitive, "best pairs"), thick)

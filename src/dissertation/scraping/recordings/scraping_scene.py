@@ -22,6 +22,7 @@ from structlearn.readers.demonstration import Demonstration
 from structlearn.tactile.electrodes import ELECTRODES_MM, SKIN_RADIUS_MM
 from structlearn.viewer import rrd
 from structlearn.viewer.diagram import texts
+from structlearn.viewer.rrd import Recording, below
 
 WRIST_M, FINGER_M = 0.06, 0.045
 """Lengths of the wrist, and from the palm to the start of a finger's round tip."""
@@ -99,87 +100,68 @@ class Execution:
         return signals | {"torque": (run.time[kept], -1e3 * wrench[kept, 3:] @ layout.ROLL_AXIS)}
 
 
-def send_signals(
-    stream: rr.RecordingStream, parent: str, executions: Sequence[Execution]
-) -> list[rrb.TimeSeriesView]:
+def send_signals(to: Recording, parent: str, executions: Sequence[Execution]) -> list[rrb.TimeSeriesView]:
     """Log the signals of executions in one setting below a parent, and the board's roll; return the plots."""
     for one in executions:
         for kind, (times, values) in one.signals.items():
-            rrd.send_curve(
-                stream, rrd.entity(parent, kind, one.look.name), times, values, one.look.name, one.look.colour
-            )
+            to.series(rrd.entity(parent, kind, one.look.name), times, values, one.look.name, one.look.colour)
     board = rrd.entity(parent, "hand roll", "board")
-    rrd.send_curve(stream, board, one.run.time[[0, -1]], np.full(2, one.board_deg), "board", GREY)
-    return [
-        rrd.plot(HEADINGS[kind], [f"{rrd.entity(parent, kind)}/**"], legend=False) for kind in one.signals
-    ]
+    to.series(board, one.run.time[[0, -1]], np.full(2, one.board_deg), "board", GREY)
+    return [rrd.plot(HEADINGS[kind], [below(parent, kind)], legend=False) for kind in one.signals]
 
 
-def send_scene(
-    stream: rr.RecordingStream, path: str, one: Execution, scale: float, shadow: bool = False
-) -> None:
+def send_scene(to: Recording, path: str, one: Execution, scale: float, shadow: bool = False) -> None:
     """Log board, path, moving hand with its electrodes, and the tool turning between the fingers.
 
     `scale`: of `full_scale`. `shadow`: only hand and tool, pale and in the run's colour; electrodes would
     hide those of the other hand.
     """
-    times, colour = [rrd.time_column(one.run.time[one.kept])], one.look.colour
+    times, colour = one.run.time[one.kept], one.look.colour
     position, orientation = one.run.position[one.kept], one.run.signal("orientation")[one.kept]
     opacity = SHADOW_OPACITY if shadow else 1.0
-    rrd.send_moving_frame(stream, f"{path}/hand", times, position, orientation, colour, 0.0)
-    send_hand(stream, f"{path}/hand", colour if shadow else SKIN, opacity)
+    to.moving_frame(f"{path}/hand", times, position, colour, orientation)
+    send_hand(to, f"{path}/hand", colour if shadow else SKIN, opacity)
     pose = rr.Transform3D.columns(
         translation=layout.grasp_place(one.run)[one.kept],
         quaternion=quaternion.to_xyzw(layout.tool_orientation(one.run, one.board_deg)[one.kept]),
     )
-    stream.send_columns(f"{path}/tool", times, pose)
-    send_tool(stream, f"{path}/tool", colour, colour if shadow else WHITE, opacity)
+    to.over(f"{path}/tool", times, pose)
+    send_tool(to, f"{path}/tool", colour, colour if shadow else WHITE, opacity)
     if not shadow:
-        send_board(stream, f"{path}/board", one.board_deg)
-        strip = rr.LineStrips3D([position], colors=rrd.rgba([colour]), radii=-1.0)
-        stream.log(f"{path}/path", strip, static=True)
+        send_board(to, f"{path}/board", one.board_deg)
+        to.lines(f"{path}/path", [position], colour, -1.0)
         points = rr.Points3D(electrodes().reshape(-1, 3) - [0.0, 0.0, layout.EDGE_M], radii=0.0008)
-        stream.log(f"{path}/hand/electrodes", points, static=True)
-        _send_colours(stream, f"{path}/hand/electrodes", rr.Points3D, one, scale)
+        _send_readings(to, f"{path}/hand/electrodes", points, one, scale)
 
 
-def send_board(stream: rr.RecordingStream, path: str, board_deg: float = 0.0) -> None:
+def send_board(to: Recording, path: str, board_deg: float = 0.0) -> None:
     """Log the board, tilted about its axis, with its top at the contact point."""
     turn = rr.Quaternion(xyzw=quaternion.to_xyzw(layout.board_orientation(board_deg)))
-    pose = rr.Transform3D(translation=layout.CONTACT_M, quaternion=turn)
-    stream.log(path, pose, static=True)
-    box = rrd.solid_boxes([BOARD_M], [[0.0, 0.03, -0.5 * BOARD_M[2]]], [BOARD])
-    stream.log(path, box, static=True)
+    to.still(path, rr.Transform3D(translation=layout.CONTACT_M, quaternion=turn))
+    to.boxes(path, [BOARD_M], [[0.0, 0.03, -0.5 * BOARD_M[2]]], BOARD)
 
 
-def send_hand(stream: rr.RecordingStream, path: str, skin: str = SKIN, opacity: float = 1.0) -> None:
+def send_hand(to: Recording, path: str, skin: str = SKIN, opacity: float = 1.0) -> None:
     """Log palm and fingers below the entity of the hand's frame, so that they move with it."""
     outwards = 1e-3 * (PAD_DISTANCE_MM + SKIN_RADIUS_MM)
     tips = -layout.EDGE_M - 1e-3 * np.array(HOME_MM)  # start of the round tips along z
-    fingers = rr.Capsules3D(
-        lengths=[FINGER_M] * 2,
-        radii=[1e-3 * SKIN_RADIUS_MM] * 2,
-        translations=[[outwards, 0.0, tips[0] - FINGER_M], [-outwards, 0.0, tips[1] - FINGER_M]],
-        colors=rrd.rgba([skin], 0.4 * opacity),
-        fill_mode=rr.components.FillMode.Solid,
-    )
-    stream.log(f"{path}/fingers", fingers, static=True)
+    places = [[outwards, 0.0, tips[0] - FINGER_M], [-outwards, 0.0, tips[1] - FINGER_M]]
+    fingers = {"lengths": [FINGER_M] * 2, "radii": [1e-3 * SKIN_RADIUS_MM] * 2, "translations": places}
+    to.solid(f"{path}/fingers", rr.Capsules3D, skin, 0.4 * opacity, **fingers)
     top, bottom = -layout.EDGE_M - layout.GRASP_M, -layout.EDGE_M - FINGER_M
     sizes = [[0.06, 0.03, bottom - top], [0.04, 0.04, WRIST_M]]
     centres = [[0.0, 0.0, 0.5 * (top + bottom)], [0.0, 0.0, top - 0.5 * WRIST_M]]
-    stream.log(f"{path}/palm", rrd.solid_boxes(sizes, centres, [skin], opacity), static=True)
+    to.boxes(f"{path}/palm", sizes, centres, [skin], opacity)
 
 
-def send_tool(
-    stream: rr.RecordingStream, path: str, colour: str, grip: str = WHITE, opacity: float = 1.0
-) -> None:
+def send_tool(to: Recording, path: str, colour: str, grip: str = WHITE, opacity: float = 1.0) -> None:
     """Log the tool's grip, blade and edge below the entity of the grasp's frame."""
     reached = 0.5 * GRIP_M[2]
     sizes: list[np.ndarray | list[float]] = [GRIP_M, [layout.EDGE_WIDTH_M, BLADE_M, layout.EDGE_M - reached]]
     centres = [[0.0, 0.0, 0.0], [0.0, 0.0, 0.5 * (reached + layout.EDGE_M)]]
-    stream.log(f"{path}/body", rrd.solid_boxes(sizes, centres, [grip, colour], opacity), static=True)
+    to.boxes(f"{path}/body", sizes, centres, [grip, colour], opacity)
     ends = [[-0.5 * layout.EDGE_WIDTH_M, 0.0, layout.EDGE_M], [0.5 * layout.EDGE_WIDTH_M, 0.0, layout.EDGE_M]]
-    stream.log(f"{path}/edge", rr.LineStrips3D([ends], colors=rrd.rgba([colour]), radii=-2.5), static=True)
+    to.lines(f"{path}/edge", [ends], colour, -2.5)
 
 
 def close_view(name: str, contents: Sequence[str]) -> rrb.Spatial3DView:
@@ -207,34 +189,25 @@ def electrodes() -> np.ndarray:
     return 1e-3 * np.array(fingers)
 
 
-def send_electrode_map(
-    stream: rr.RecordingStream, path: str, one: Execution, scale: float
-) -> rrb.Spatial2DView:
+def send_electrode_map(to: Recording, path: str, one: Execution, scale: float) -> rrb.Spatial2DView:
     """Log the electrodes of both fingers as flat pictures in mm, seen from the back of each finger.
 
     The fingers lie side by side with their tips to the right and the scraping direction up.
     """
     offsets = np.array([[0.0, 0.0], [MAP_WIDTH + MAP_GAP, 0.0]])  # of the fingers
     flat = 1e3 * electrodes()[:, :, [2, 1]] * [1.0, -1.0] + offsets[:, None]
-    stream.log(path, rr.Points2D(flat.reshape(-1, 2), radii=1.1), static=True)
-    _send_colours(stream, path, rr.Points2D, one, scale)
+    _send_readings(to, path, rr.Points2D(flat.reshape(-1, 2), radii=1.1), one, scale)
     names = texts(offsets + np.array([-5.0, 6.2]), ["left finger", "right finger"], [GREY])
-    stream.log(f"{path}/names", names, static=True)
+    to.still(f"{path}/names", names)
     heading = f"{one.look.name}: ±{scale:.0f} counts"
     return rrd.flat_view(heading, path, [-16.0, 2 * MAP_WIDTH + MAP_GAP - 11.0], [-7.0, 11.0])
 
 
-def _send_colours(
-    stream: rr.RecordingStream,
-    path: str,
-    points: type[rr.Points2D] | type[rr.Points3D],
-    one: Execution,
-    scale: float,
+def _send_readings(
+    to: Recording, path: str, points: rr.Points2D | rr.Points3D, one: Execution, scale: float
 ) -> None:
     """Log electrode colours over time; before feedback starts all are as expected."""
     felt, deviation = one.felt["time_s"].to_numpy(), one.deviation
     kept = slice(None, None, rrd.thinning(float(np.median(np.diff(felt))), RATE_HZ))
-    times = np.append(one.run.time[:1], felt[kept])
     shown = np.vstack([np.zeros(deviation.shape[1]), deviation[kept]])
-    columns = points.columns(colors=rrd.deviation_colours(shown, scale).ravel())
-    stream.send_columns(path, [rrd.time_column(times)], columns.partition([shown.shape[1]] * len(shown)))
+    to.readings(path, np.append(one.run.time[:1], felt[kept]), points, shown, scale)

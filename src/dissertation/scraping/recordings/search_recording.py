@@ -15,7 +15,7 @@ from dissertation.scraping.names import ROLLOUTS
 from structlearn.palette import ORANGE, WHITE
 from structlearn.policy_search.refinement import FEEDBACK, IMPROVED, SAMPLE
 from structlearn.viewer.diagram import Diagram, diagram_view, rounded_range, send_axes, texts
-from structlearn.viewer.rrd import TIME, blended, entity, rgba, thinning
+from structlearn.viewer.rrd import TIME, Recording, blended, entity, rgba, thinning
 
 ITERATION, ITERATION_S = "iteration", 1.0
 """Time line with one step per iteration, and a step's length on the time line of seconds."""
@@ -90,29 +90,27 @@ def searches(history: pd.DataFrame, samples: pd.DataFrame) -> list[Search]:
     ]
 
 
-def send_search(stream: rr.RecordingStream, search: Search, origin: str) -> rrb.Horizontal:
+def send_search(to: Recording, search: Search, origin: str) -> rrb.Horizontal:
     """Log a search on the time lines of iterations and seconds; `origin`: of `rrd.origin_label`."""
     costs = search.history["cost_rad"].dropna().to_numpy()
     ends = (search.iterations[0] - 0.6, search.iterations[-1] + 0.6)
     summed = Diagram(ends, rounded_range(costs, 0.0), 20.0, 25.0)
-    send_axes(stream, search.path("costs", "axes"), summed, "iteration", search.iterations)
-    _send_all_costs(stream, search, summed)
+    send_axes(to, search.path("costs", "axes"), summed, "iteration", search.iterations)
+    _send_all_costs(to, search, summed)
     curves = {}
     for column, height in HEIGHTS.items():
         values = rounded_range(search.samples[column].to_numpy(), 0.0 if column == "cost_rad" else None)
         curves[column] = Diagram((0.0, float(search.samples["time_s"].max())), values, WIDTH, height)
-        send_axes(stream, search.path(column, "axes"), curves[column], "time (s)")
+        send_axes(to, search.path(column, "axes"), curves[column], "time (s)")
     places = [np.array([(0.5 + place) * WIDTH / len(LEGEND), -1.5]) for place in range(len(LEGEND))]
-    stream.log(
-        search.path("target", "legend"), texts(places, list(LEGEND), list(LEGEND.values())), static=True
-    )
+    to.still(search.path("target", "legend"), texts(places, list(LEGEND), list(LEGEND.values())))
     for iteration in search.iterations:
-        stream.set_time(ITERATION, sequence=iteration)
-        stream.set_time(TIME, duration=ITERATION_S * iteration)
-        _send_costs(stream, search, summed, iteration)
+        to.set_time(ITERATION, sequence=iteration)
+        to.set_time(TIME, duration=ITERATION_S * iteration)
+        _send_costs(to, search, summed, iteration)
         for column, diagram in curves.items():
-            _send_curves(stream, search, column, diagram, iteration)
-    stream.reset_time()
+            _send_curves(to, search, column, diagram, iteration)
+    to.reset_time()
 
     headings = {
         "target": f"coupling term of every rollout (rad){origin}; step on the time line '{ITERATION}'",
@@ -134,15 +132,13 @@ def cost_colours(costs: np.ndarray, cost_range: tuple[float, float]) -> np.ndarr
     return blended((costs - low) / max(high - low, np.finfo(float).tiny), (CHEAP, COSTLY))
 
 
-def _send_curves(
-    stream: rr.RecordingStream, search: Search, column: str, diagram: Diagram, iteration: int
-) -> None:
+def _send_curves(to: Recording, search: Search, column: str, diagram: Diagram, iteration: int) -> None:
     """Log the drawn policies and, thick, the improved one, the network, and pale the network before."""
     tried = search.rows(iteration, SAMPLE).sort_values("cost_rad", ascending=False)  # the cheapest on top
     if len(tried):
         strips = _strips(search.curves(iteration, SAMPLE, column)[tried["number"]], diagram)
         colours = cost_colours(tried["cost_rad"].to_numpy(), search.cost_range)
-        stream.log(search.path(column, SAMPLE), rr.LineStrips2D(strips, colors=colours, radii=-0.8))
+        to.log(search.path(column, SAMPLE), rr.LineStrips2D(strips, colors=colours, radii=-0.8))
     before, now = (iteration - 1, FEEDBACK, 0.5), (iteration, FEEDBACK, 1.0)
     means = {"network before": before, IMPROVED: (iteration, IMPROVED, 1.0), FEEDBACK: now}
     for order, (name, (of, kind, opacity)) in enumerate(means.items(), start=1):
@@ -150,7 +146,7 @@ def _send_curves(
             strips = _strips(search.curves(of, kind, column).mean(axis=1).to_frame(), diagram)
             colour = rgba([ROLLOUTS[kind].colour], opacity)
             line = rr.LineStrips2D(strips, colors=colour, radii=-1.6, draw_order=ON_TOP + order)
-            stream.log(search.path(column, name), line)
+            to.log(search.path(column, name), line)
 
 
 def _strips(curves: pd.DataFrame, diagram: Diagram) -> list[np.ndarray]:
@@ -168,34 +164,32 @@ def _cost_points(search: Search, diagram: Diagram, iteration: int, kind: str) ->
     return diagram.points(iteration + middle + half_width * across, costs)
 
 
-def _send_all_costs(stream: rr.RecordingStream, search: Search, diagram: Diagram) -> None:
+def _send_all_costs(to: Recording, search: Search, diagram: Diagram) -> None:
     """Log all rollouts pale, and the mean of the network over iterations."""
     for kind, look in ROLLOUTS.items():
         points = [_cost_points(search, diagram, iteration, kind) for iteration in search.iterations]
-        colour = rgba([look.colour], PALE)
-        dots = rr.Points2D(np.concatenate(points), colors=colour, radii=-2.5, draw_order=-3.0)
-        stream.log(search.path("costs", "all", kind), dots, static=True)
+        colour = rgba(look.colour, PALE)
+        to.dots(search.path("costs", "all", kind), np.concatenate(points), colour, -2.5, draw_order=-3.0)
     means = [search.rows(iteration, FEEDBACK)["cost_rad"].mean() for iteration in search.iterations]
     line = diagram.points(np.array(search.iterations) + PLACES[FEEDBACK][0], np.array(means))
     colour = rgba([ROLLOUTS[FEEDBACK].colour], 2 * PALE)
-    strip = rr.LineStrips2D([line], colors=colour, radii=-1.0, draw_order=-2.0)
-    stream.log(search.path("costs", "network mean"), strip, static=True)
+    to.lines(search.path("costs", "network mean"), [line], colour, -1.0, draw_order=-2.0)
 
 
-def _send_costs(stream: rr.RecordingStream, search: Search, diagram: Diagram, iteration: int) -> None:
+def _send_costs(to: Recording, search: Search, diagram: Diagram, iteration: int) -> None:
     """Log the rollouts of this iteration with the mean of each kind, and the number of failures."""
     for kind, look in ROLLOUTS.items():
         costs = search.rows(iteration, kind)["cost_rad"].to_numpy()
         if len(costs):
-            colours = cost_colours(costs, search.cost_range) if kind == SAMPLE else rgba([look.colour])
+            colours = cost_colours(costs, search.cost_range) if kind == SAMPLE else rgba(look.colour)
             dots = rr.Points2D(_cost_points(search, diagram, iteration, kind), colors=colours, radii=-3.5)
-            stream.log(search.path("costs", kind), dots)
+            to.log(search.path("costs", kind), dots)
             place = diagram.points(iteration + PLACES[kind][0], costs.mean()) + LABELS[kind]
             mean = texts([place], [f"{costs.mean():.1f}"], [look.colour])
-            stream.log(search.path("costs", kind, "mean"), mean)
+            to.log(search.path("costs", kind, "mean"), mean)
     failed = search.history["cost_rad"].isna()
     if failed.any():
         now = int(failed[search.history["iteration"] == iteration].sum())
         place = diagram.points(iteration, diagram.y_range[1])
         label = texts([place] * (now > 0), [f"{now} failed"] * (now > 0), [ORANGE])
-        stream.log(search.path("costs", "failed"), label)
+        to.log(search.path("costs", "failed"), label)

@@ -17,16 +17,7 @@ from structlearn.core.errors import InputError
 from structlearn.readers.demonstration import Demonstration
 from structlearn.tactile.electrodes import Skin
 from structlearn.tactile.touch_dataset import TouchDataset
-from structlearn.viewer.rrd import (
-    colour_words,
-    entity,
-    layout,
-    origin_label,
-    recording,
-    rgba,
-    send_curve,
-    send_notes,
-)
+from structlearn.viewer.rrd import Recording, below, colour_words, entity, origin_label, recording, rgba
 
 TITLE, MAP_TITLE = "Touch: demonstrations", "Touch: latent map"
 EVERY = 10  # samples per point of a path
@@ -117,14 +108,14 @@ def write_touch_demonstrations(
     """Record demonstrations of touch, one tab each; `handle_radius` in m."""
     origin = origin_label([one.demonstration for one in shown])
     scale = scene.full_scale([one.motion.signals for one in shown])
-    with recording(path, TITLE) as stream:
-        stream.send_blueprint(layout(rrb.Tabs(*[_tab(one, skin, origin) for one in shown], active_tab=0)))
+    with recording(path, TITLE) as to:
+        to.show([_tab(one, skin, origin) for one in shown])
         for one in shown:
-            scene.send_touch(stream, entity(one.name), skin, one.motion, one.contacts, scale)
+            scene.send_touch(to, entity(one.name), skin, one.motion, one.contacts, scale)
             centre, axis = handle_place(one, skin, handle_radius)
-            scene.send_handle(stream, entity(one.name, "handle"), centre, axis, handle_radius)
-            _send_curves(stream, one, skin)
-            send_notes(stream, _notes(origin, one, scale), one.name)
+            scene.send_handle(to, entity(one.name, "handle"), centre, axis, handle_radius)
+            _send_curves(to, one, skin)
+            to.notes(_notes(origin, one, scale), one.name)
 
 
 def handle_place(one: ShownTouch, skin: Skin, handle_radius: float) -> tuple[np.ndarray, np.ndarray]:
@@ -144,19 +135,19 @@ def _finger_x(one: ShownTouch) -> np.ndarray:
     return quaternion.rotate(one.motion.orientation, np.array([1.0, 0.0, 0.0])).mean(axis=0)
 
 
-def _send_curves(stream: rr.RecordingStream, one: ShownTouch, skin: Skin) -> None:
+def _send_curves(to: Recording, one: ShownTouch, skin: Skin) -> None:
     """Pressure, load and surface coordinates of the contact; lines are interrupted where contact is."""
     pressure = -one.motion.signals.mean(axis=1)
-    send_curve(stream, entity(one.name, "pressure", "raw"), one.motion.time, pressure, "pressure", ESTIMATED)
+    to.series(entity(one.name, "pressure", "raw"), one.motion.time, pressure, "pressure", ESTIMATED)
     if len(one.truth):
         time, load = (one.truth[name].to_numpy(float) for name in ("time_s", "load_n"))
-        send_curve(stream, entity(one.name, "load", "true"), time, load, "load", TRUE)
+        to.series(entity(one.name, "load", "true"), time, load, "load", TRUE)
     for contact in one.contacts:
         places = np.full((2, len(contact.time)), np.nan)
         places[:, contact.touching] = 1e3 * np.stack(skin.coordinates(contact.point[contact.touching]))
         for axis, values in zip(("along", "across"), places, strict=True):
             place = entity(one.name, axis, contact.name)
-            send_curve(stream, place, contact.time, values, contact.name, contact.colour)
+            to.series(place, contact.time, values, contact.name, contact.colour)
 
 
 def _tab(one: ShownTouch, skin: Skin, origin: str) -> rrb.Horizontal:
@@ -167,7 +158,7 @@ def _tab(one: ShownTouch, skin: Skin, origin: str) -> rrb.Horizontal:
     views = rrb.Vertical(
         scene.close_view(
             f"finger on the handle{origin}",
-            [f"{entity(name, 'finger')}/**", entity(name, "handle")],
+            [below(name, "finger"), entity(name, "handle")],
             np.median(one.motion.position[one.rows], axis=0),
             _finger_x(one),
         ),
@@ -210,20 +201,19 @@ def write_latent_maps(
     colours = rgba(every, SAMPLE_OPACITY)[electrode[kept] - 1]
     found = np.unique(electrode)
     labels: dict[str, Any] = {"labels": [str(number) for number in found], "radii": 0.0, "show_labels": True}
-    with recording(path, MAP_TITLE) as stream:
+    with recording(path, MAP_TITLE) as to:
         tabs = [_map_tab(one, flat_skin.skin, origin) for one in shown]
-        stream.send_blueprint(layout(rrb.Tabs(*tabs, active_tab=0)))
+        to.show(tabs)
         for name, drawn in places.items():
-            samples = rr.Points2D(drawn[kept], colors=colours, radii=POINT_MM)
-            stream.log(entity("samples", name), samples, static=True)
+            to.dots(entity("samples", name), drawn[kept], colours, POINT_MM)
             middle = [np.median(drawn[electrode == number], axis=0) for number in found]
-            stream.log(entity("electrodes", name), rr.Points2D(middle, **labels), static=True)
+            to.still(entity("electrodes", name), rr.Points2D(middle, **labels))
         for one in shown:
-            _send_paths(stream, one, flat_skin)
-            send_notes(stream, _map_notes(origin, one), one.name)
+            _send_paths(to, one, flat_skin)
+            to.notes(_map_notes(origin, one), one.name)
 
 
-def _send_paths(stream: rr.RecordingStream, one: ShownTouch, flat_skin: scene.FlatSkin) -> None:
+def _send_paths(to: Recording, one: ShownTouch, flat_skin: scene.FlatSkin) -> None:
     """A path for each contact, and its pressure in the latent state and in counts."""
     for number in np.unique(one.contact):
         rows = np.flatnonzero(one.contact == number)[::EVERY]
@@ -235,10 +225,10 @@ def _send_paths(stream: rr.RecordingStream, one: ShownTouch, flat_skin: scene.Fl
         curves = [("latent", "latent", one.latent[rows, 2], LATENT)]
         curves.append(("pressure", "counts", one.pressure[rows], ESTIMATED))
         for (part, drawn), colour in zip(places.items(), (LATENT, ESTIMATED), strict=True):
-            scene.send_map_path(stream, entity(one.name, part, str(number)), time, drawn, PATH)
+            scene.send_map_path(to, entity(one.name, part, str(number)), time, drawn, PATH)
             curves += [("along", part, drawn[:, 0], colour), ("across", part, -drawn[:, 1], colour)]
         for group, label, values, colour in curves:
-            send_curve(stream, entity(one.name, group, label, str(number)), time, values, label, colour)
+            to.series(entity(one.name, group, label, str(number)), time, values, label, colour)
 
 
 def _map_tab(one: ShownTouch, skin: Skin, origin: str) -> rrb.Horizontal:

@@ -3,11 +3,9 @@
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 import pandas as pd
-import rerun as rr
 import rerun.blueprint as rrb
 
 from dissertation.servoing.names import AS_PUBLISHED, FORM_COLOURS, FORM_NAMES, LATENT, OURS, TRUE
@@ -18,7 +16,7 @@ from structlearn.core import quaternion
 from structlearn.core.metrics import matching
 from structlearn.palette import GREY
 from structlearn.tactile.electrodes import Skin
-from structlearn.viewer.rrd import colour_words, entity, layout, recording, rgba, send_curve, send_notes
+from structlearn.viewer.rrd import Recording, colour_words, entity, recording
 
 TITLE = "Touch: closed loops"
 
@@ -83,10 +81,10 @@ def write_servo_runs(
     names = [
         f"{number + 1}, {next(iter(runs.values())).trial['motion']}" for number, runs in enumerate(shown)
     ]
-    with recording(path, TITLE) as stream:
+    with recording(path, TITLE) as to:
         tabs = [_tab(name, runs, skin, handle) for name, runs in zip(names, shown, strict=True)]
-        stream.send_blueprint(layout(rrb.Tabs(*tabs, active_tab=0)))
-        scene.send_handle(stream, "handle", handle.centre, handle.axis, handle.radius)
+        to.show(tabs)
+        scene.send_handle(to, "handle", handle.centre, handle.axis, handle.radius)
         for name, runs in zip(names, shown, strict=True):
             for label, run in runs.items():
                 motion, place = run.motion, entity(name, label)
@@ -94,40 +92,39 @@ def write_servo_runs(
                 contacts = [scene.Contact("contact", TRUE, motion.time, point, run.load > 0)]
                 tiled, always = np.tile(target, (len(point), 1)), np.full(len(point), True)
                 contacts.append(scene.Contact("target", LATENT, motion.time, tiled, always))
-                scene.send_touch(stream, place, skin, motion, contacts, scale)
-                _send_ways(stream, f"{place}/map", run, flat_skin)
-                _send_curves(stream, name, label, run)
-            send_notes(stream, _notes(runs), name)
+                scene.send_touch(to, place, skin, motion, contacts, scale)
+                _send_ways(to, f"{place}/map", run, flat_skin)
+                _send_curves(to, name, label, run)
+            to.notes(_notes(runs), name)
 
 
-def _send_ways(stream: rr.RecordingStream, path: str, run: ServoRun, flat_skin: scene.FlatSkin) -> None:
+def _send_ways(to: Recording, path: str, run: ServoRun, flat_skin: scene.FlatSkin) -> None:
     """Latent path on its map, true contact path on the skin, and rings at both targets."""
     time, touching = run.motion.time, run.load > 0
-    scene.send_map_path(stream, f"{path}/latent", time, flat_skin.latent(run.columns("latent_{}")), LATENT)
+    scene.send_map_path(to, f"{path}/latent", time, flat_skin.latent(run.columns("latent_{}")), LATENT)
     if touching.any():
         on_skin = flat_skin.places(run.columns("{}_m")[touching])
-        scene.send_map_path(stream, f"{path}/contact", time[touching], on_skin, TRUE)
+        scene.send_map_path(to, f"{path}/contact", time[touching], on_skin, TRUE)
     angle = np.linspace(0.0, 2 * np.pi, 41)[:, None]
     ring = np.hstack([np.cos(angle), np.sin(angle)])  # 1 mm radius: the tolerance
     for name, place, colour in (
         ("latent target", flat_skin.latent(run.of_trial("target_latent_{}")), LATENT),
         ("target", flat_skin.places(run.of_trial("target_{}_m")), TRUE),
     ):
-        look: dict[str, Any] = {"colors": rgba([colour]), "radii": -1.5, "draw_order": scene.IN_FRONT}
-        stream.log(f"{path}/{entity(name)}", rr.LineStrips2D([place + ring], **look), static=True)
+        to.lines(f"{path}/{entity(name)}", [place + ring], colour, -1.5, draw_order=scene.IN_FRONT)
 
 
-def _send_curves(stream: rr.RecordingStream, name: str, label: str, run: ServoRun) -> None:
+def _send_curves(to: Recording, name: str, label: str, run: ServoRun) -> None:
     """Distance of the contact from its target, pressure and load; both controllers in one plot."""
     time, colour = run.motion.time, FORM_COLOURS[SHOWN[label].form]
     away = 1e3 * np.linalg.norm(run.columns("{}_m") - run.of_trial("target_{}_m"), axis=1)
     away[run.load <= 0] = np.nan
     curves = (away, run.columns("latent_{}")[:, 2], run.load)
     for group, values in zip(PLOTS, curves, strict=True):
-        send_curve(stream, entity(name, group, label), time, values, label, colour)
+        to.series(entity(name, group, label), time, values, label, colour)
     for group, column in (("pressure", "target_latent_z"), ("load", "target_load_n")):
         level = np.full(2, float(run.trial[column]))
-        send_curve(stream, entity(name, group, "target"), time[[0, -1]], level, "target", GREY)
+        to.series(entity(name, group, "target"), time[[0, -1]], level, "target", GREY)
 
 
 def _tab(name: str, runs: Mapping[str, ServoRun], skin: Skin, handle: Handle) -> rrb.Horizontal:

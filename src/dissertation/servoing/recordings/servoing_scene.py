@@ -6,7 +6,7 @@ below the skin stay visible. Flat pictures are in mm: x along the finger, y acro
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import Any, Self
+from typing import Self
 
 import numpy as np
 import rerun as rr
@@ -29,6 +29,8 @@ from structlearn.viewer.rrd import (
     thinning,
     time_column,
 )
+from structlearn.tactile.electrodes import MapLaying, Skin, map_laying
+from structlearn.viewer.rrd import Recording, below, eye_view, flat_view, notes_view, plot, thinning
 
 SKIN, HANDLE = "#6b7480", "#8d7f6b"
 
@@ -108,12 +110,7 @@ def flat(skin: Skin, points: np.ndarray) -> np.ndarray:
 
 
 def send_touch(
-    stream: rr.RecordingStream,
-    path: str,
-    skin: Skin,
-    motion: FingerMotion,
-    contacts: Sequence[Contact],
-    scale: float,
+    to: Recording, path: str, skin: Skin, motion: FingerMotion, contacts: Sequence[Contact], scale: float
 ) -> None:
     """Log a moving `finger` and the flat `skin` below a path, with coloured electrodes and contacts.
 
@@ -122,28 +119,24 @@ def send_touch(
     finger, flat_skin = f"{path}/finger", f"{path}/skin"
     dt = float(np.median(np.diff(motion.time)))
     kept = slice(None, None, thinning(dt, POSE_RATE_HZ))
-    poses = (motion.position[kept], motion.orientation[kept])
-    send_moving_frame(stream, finger, [time_column(motion.time[kept])], *poses, SKIN, AXES_M)
-    lines = rr.LineStrips3D(skin_lines(skin), colors=rgba([SKIN]), radii=-0.8)
-    stream.log(f"{finger}/skin", lines, static=True)
+    pose = (motion.position[kept], SKIN, motion.orientation[kept], AXES_M)
+    to.moving_frame(finger, motion.time[kept], *pose)
+    to.lines(f"{finger}/skin", skin_lines(skin), SKIN, -0.8)
     places = flat(skin, skin.project(skin.electrodes))
     numbers = [str(number + 1) for number in range(len(places))]
-    labels: dict[str, Any] = {"labels": numbers, "colors": rgba([SKIN]), "radii": 0.0, "show_labels": True}
-    stream.log(f"{flat_skin}/numbers", rr.Points2D(places + np.array([0.0, 0.4]), **labels), static=True)
+    to.dots(f"{flat_skin}/numbers", places + np.array([0.0, 0.4]), SKIN, 0.0, labels=numbers)
     kept = slice(None, None, thinning(dt, COLOUR_RATE_HZ))
-    colours = deviation_colours(np.clip(-motion.signals[kept] / scale, -1.0, 1.0), 1.0)
+    felt = np.clip(-motion.signals[kept] / scale, -1.0, 1.0)
     for above, electrodes in (
         (finger, rr.Points3D(skin.electrodes, radii=ELECTRODE_M)),
         (flat_skin, rr.Points2D(places, radii=ELECTRODE_MM)),
     ):
-        stream.log(f"{above}/electrodes", electrodes, static=True)
-        columns = electrodes.columns(colors=colours.ravel()).partition([colours.shape[1]] * len(colours))
-        stream.send_columns(f"{above}/electrodes", [time_column(motion.time[kept])], columns)
+        to.readings(f"{above}/electrodes", motion.time[kept], electrodes, felt, 1.0)
     for contact in contacts:
-        _send_contact(stream, path, skin, contact)
+        _send_contact(to, path, skin, contact)
 
 
-def _send_contact(stream: rr.RecordingStream, path: str, skin: Skin, contact: Contact) -> None:
+def _send_contact(to: Recording, path: str, skin: Skin, contact: Contact) -> None:
     """Log a contact point in the finger frame and on the flat skin."""
     if not len(contact.time):
         return
@@ -151,7 +144,7 @@ def _send_contact(stream: rr.RecordingStream, path: str, skin: Skin, contact: Co
     time, points, there = contact.time[kept], contact.point[kept], contact.touching[kept]
     for above, places, radius in (("finger", points, CONTACT_M), ("skin", flat(skin, points), CONTACT_MM)):
         name = f"{path}/{above}/{contact.name}"
-        send_moving_point(stream, name, time, places, contact.colour, radius, there=there)
+        to.moving_point(name, time, places, contact.colour, radius, there=there)
 
 
 def skin_lines(skin: Skin) -> list[np.ndarray]:
@@ -163,31 +156,18 @@ def skin_lines(skin: Skin) -> list[np.ndarray]:
     return lines + [skin.surface(along, fine[1]) for along in coarse[0]]
 
 
-def send_map_path(
-    stream: rr.RecordingStream, path: str, time: np.ndarray, places: np.ndarray, colour: str
-) -> None:
+def send_map_path(to: Recording, path: str, time: np.ndarray, places: np.ndarray, colour: str) -> None:
     """Log a point (T, 2) mm moving on a flat picture, with its trail, in the foreground."""
-    send_moving_point(stream, f"{path}/now", time, places, colour, CONTACT_MM, IN_FRONT)
-    trail = rr.LineStrips2D.from_fields(radii=-2.0, colors=rgba([colour]), draw_order=IN_FRONT)
-    stream.log(f"{path}/trail", trail, static=True)
-    trails = [places[: max(end, 2)] for end in range(1, len(time) + 1)]
-    stream.send_columns(f"{path}/trail", [time_column(time)], rr.LineStrips2D.columns(strips=trails))
+    to.moving_point(f"{path}/now", time, places, colour, CONTACT_MM, draw_order=IN_FRONT)
+    to.trail(f"{path}/trail", time, places, colour, -2.0, draw_order=IN_FRONT)
 
 
-def send_handle(
-    stream: rr.RecordingStream, path: str, centre: np.ndarray, axis: np.ndarray, radius: float
-) -> None:
+def send_handle(to: Recording, path: str, centre: np.ndarray, axis: np.ndarray, radius: float) -> None:
     """Log the handle, a capsule with its centre (3,) m and horizontal unit axis (3,)."""
     turned = quaternion.from_rotation_vector(0.5 * np.pi * np.cross([0.0, 0.0, 1.0], axis))
-    bar = rr.Capsules3D(
-        lengths=[HANDLE_M],
-        radii=[radius],
-        translations=[centre - 0.5 * HANDLE_M * axis],
-        quaternions=[quaternion.to_xyzw(turned)],
-        colors=rgba([HANDLE], 0.5),
-        fill_mode=rr.components.FillMode.Solid,
-    )
-    stream.log(path, bar, static=True)
+    end, size = centre - 0.5 * HANDLE_M * axis, {"lengths": [HANDLE_M], "radii": [radius]}
+    pose = {"translations": [end], "quaternions": [quaternion.to_xyzw(turned)]}
+    to.solid(path, rr.Capsules3D, HANDLE, 0.5, **size, **pose)
 
 
 def close_view(
@@ -217,6 +197,6 @@ def tab(
     name: str, columns: Sequence[rrb.Vertical], plots: Mapping[str, str], legends: bool = False
 ) -> rrb.Horizontal:
     """Tab with columns of views, plots of the entities below its name, and notes."""
-    drawn = [plot(heading, [f"{entity(name, group)}/**"], legends) for group, heading in plots.items()]
+    drawn = [plot(heading, [below(name, group)], legends) for group, heading in plots.items()]
     beside = rrb.Vertical(*drawn, notes_view(name))
     return rrb.Horizontal(rrb.Horizontal(*columns), beside, column_shares=[1, 1], name=name)

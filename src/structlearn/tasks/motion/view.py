@@ -16,12 +16,12 @@ from structlearn.tasks.task_files import TaskFiles
 from structlearn.viewer.arm_meshes import (
     arm_contents,
     arm_view,
-    followed_plots,
+    followed_view,
     link_frame,
     send_followed,
     send_sticks,
 )
-from structlearn.viewer.rrd import layout, legend, notes_view, recording, rgba, send_notes, time_column
+from structlearn.viewer.rrd import legend, recording
 
 ARM, BODY = "arm", "load"
 RATE_HZ, RADIUS_M = 25.0, 0.06  # sampling rate of the motion; drawn radius of the load
@@ -58,25 +58,22 @@ def write_carried(
     q = np.stack([np.interp(time + cut["start_s"], log.time, its) for its in log.positions.T], axis=1)
     weighed = tables["loads"].set_index(["pair", "gains"]).loc[(name, "found")]
     centre = weighed[CENTRE].to_numpy(float)
-    with recording(path, f"Arm with its load: {name}") as stream:
-        reach = send_sticks(stream, ARM, urdf, log.joints, time_column(time), q, (LIGHT_GREY, GREY))
-        stream.send_blueprint(_blueprint(reach))
-        stream.log(BODY, rr.CoordinateFrame(link_frame(ARM, moved_link(urdf, log.joints[-1]))), static=True)
-        ball = rr.Points3D(centre[None], colors=rgba([ORANGE]), radii=RADIUS_M)
-        stream.log(BODY, ball, static=True)
-        held = rr.LineStrips3D([[np.zeros(3), centre]], colors=rgba([ORANGE]), radii=0.2 * RADIUS_M)
-        stream.log(f"{BODY}/held", held, static=True)
+    with recording(path, f"Arm with its load: {name}") as to:
+        reach = send_sticks(to, ARM, urdf, log.joints, time, q, (LIGHT_GREY, GREY))
+        to.show(_blueprint(reach))
+        to.still(BODY, rr.CoordinateFrame(link_frame(ARM, moved_link(urdf, log.joints[-1]))))
+        to.dots(BODY, centre[None], ORANGE, RADIUS_M)
+        to.lines(f"{BODY}/held", [[np.zeros(3), centre]], ORANGE, 0.2 * RADIUS_M)
         followed = learned.assign(time_s=learned["since_s"])
         really = np.full(len(time), load.known_kg)
-        send_followed(stream, followed, time, really, (REFERENCE, FOUND, EMPTY))
-        send_notes(stream, _notes(load))
+        send_followed(to, followed, time, really, (REFERENCE, FOUND, EMPTY))
+        to.notes(_notes(load))
 
 
-def _blueprint(reach: float) -> rrb.Blueprint:
+def _blueprint(reach: float) -> rrb.Container:
     around = reach * np.array([[0.4, 0, 0], [-0.4, 0, 0], [0, 0.4, 0], [0, 0, 1.0]])  # also when upright
     view = arm_view("Arm with its load", [arm_contents(ARM), f"/{BODY}"], around)
-    right = rrb.Vertical(*followed_plots(), notes_view(), row_shares=[3, 3, 3, 4])
-    return layout(rrb.Horizontal(view, right, column_shares=[3, 3]))
+    return followed_view(view)
 
 
 def _notes(load: LoadParameters) -> str:

@@ -27,7 +27,7 @@ from structlearn.tasks.task_files import TaskFiles
 from structlearn.viewer import rrd
 from structlearn.viewer.learned_primitives import write_primitives
 from structlearn.viewer.recorded_demonstrations import write_demonstrations
-from structlearn.viewer.rrd import entity, legend, rgba
+from structlearn.viewer.rrd import Recording, Times, below, entity, legend
 
 DEMONSTRATED = (
     "Colours show the primitives, white is outside of them; each demonstration has a tab with its signals."
@@ -110,48 +110,36 @@ def write_turns(path: Path, logs: Sequence[OrientationTrajectory], primitive: Po
     shown = [*((f"log {number}", log, RECORDED.colour) for number, log in enumerate(logs, 1))]
     shown.append((PRIMITIVE.name, learned.unroll(logs[0].dt), PRIMITIVE.colour))
     samples = round(learned.duration * RATE_HZ)
-    times = [rrd.time_column(np.linspace(0.0, learned.duration, samples))]
-    with rrd.recording(path, "Turns of the hand and the primitive") as stream:
-        stream.send_blueprint(_blueprint([name for name, _, _ in shown]))
-        rrd.send_notes(stream, TURNS + legend(dict([RECORDED, PRIMITIVE])))
+    times = np.linspace(0.0, learned.duration, samples)
+    with rrd.recording(path, "Turns of the hand and the primitive") as to:
+        to.show(_blueprint([name for name, _, _ in shown]))
+        to.notes(TURNS + legend(dict([RECORDED, PRIMITIVE])))
         for place, (name, turn, colour) in enumerate(shown):
             angles = signals.time_normalised(on_chart(turn, axes).position, samples)  # (samples, 3) rad
-            _send_cap(stream, name, colour, place, times, from_chart(angles, UP))
+            _send_cap(to, name, colour, place, times, from_chart(angles, UP))
             for chart, values in zip(CHART, np.degrees(angles).T, strict=True):
-                rrd.send_series(stream, entity(chart, name), times, values[:, None], [name], [colour])
+                to.series(entity(chart, name), times, values, name, colour)
 
 
 def _send_cap(
-    stream: rr.RecordingStream,
-    name: str,
-    colour: str,
-    place: int,
-    times: Sequence[rr.TimeColumn],
-    orientation: np.ndarray,
+    to: Recording, name: str, colour: str, place: int, times: Times, orientation: np.ndarray
 ) -> None:
     """Log a cap with a pointer at a place in the row, turning with (T, 4), and the goal's mark."""
-    middle, height, paint = np.array([0.0, APART * place, 0.0]), 0.27 * RADIUS, rgba([colour])
+    middle, height = np.array([0.0, APART * place, 0.0]), 0.27 * RADIUS
     front = middle + np.array([[1.15 * RADIUS, 0.0, height], [1.8 * RADIUS, 0.0, 0.0]])
-    solid, radius = rr.components.FillMode.Solid, [[0.0, 0.0, height], [RADIUS, 0.0, height]]
-    for place_in_scene, shape in {
-        entity("caps", name): rr.Cylinders3D(
-            lengths=[0.5 * RADIUS], radii=[RADIUS], colors=rgba([colour], 0.8), fill_mode=solid
-        ),
-        entity("caps", name, "pointer"): rr.LineStrips3D([radius], colors=rgba([LIGHT_GREY]), radii=0.003),
-        entity("marks", name): rr.Points3D(front[:1], colors=paint, radii=0.004),
-        entity("marks", name, "name"): rr.Points3D(
-            front[1:], colors=paint, radii=0.0, labels=[name], show_labels=True
-        ),
-    }.items():
-        stream.log(place_in_scene, shape, static=True)
+    radius, cap = [[0.0, 0.0, height], [RADIUS, 0.0, height]], entity("caps", name)
+    to.solid(cap, rr.Cylinders3D, colour, 0.8, lengths=[0.5 * RADIUS], radii=[RADIUS])
+    to.lines(entity("caps", name, "pointer"), [radius], LIGHT_GREY, 0.003)
+    to.dots(entity("marks", name), front[:1], colour, 0.004)
+    to.dots(entity("marks", name, "name"), front[1:], colour, 0.0, labels=[name])
     translation = np.tile(middle, (len(orientation), 1))
     turns = rr.Transform3D.columns(translation=translation, quaternion=quaternion.to_xyzw(orientation))
-    stream.send_columns(entity("caps", name), times, turns)
+    to.over(cap, times, turns)
 
 
-def _blueprint(shown: Sequence[str]) -> rrb.Blueprint:
+def _blueprint(shown: Sequence[str]) -> rrb.Container:
     middle = np.array([0.0, 0.5 * APART * (len(shown) - 1), 0.0])
     scene = rrd.eye_view("Axis of the turn up", ["/caps/**", "/marks/**"], middle, EYE)
-    plots = [rrd.plot(f"{name} (degrees to the goal)", [f"{entity(name)}/**"]) for name in CHART]
+    plots = [rrd.plot(f"{name} (degrees to the goal)", [below(name)]) for name in CHART]
     left = rrb.Vertical(scene, rrd.notes_view(), row_shares=[3, 2])
-    return rrd.layout(rrb.Horizontal(left, rrb.Vertical(*plots, row_shares=[3, 1, 1]), column_shares=[1, 1]))
+    return rrb.Horizontal(left, rrb.Vertical(*plots, row_shares=[3, 1, 1]), column_shares=[1, 1])

@@ -11,7 +11,7 @@ import rerun.blueprint as rrb
 from structlearn.palette import BLACK, DEMONSTRATION_COLOUR, GREY, LIGHT_GREY, SCENE_MODELS, Look
 from structlearn.tasks.task_files import TaskFiles
 from structlearn.viewer import rrd
-from structlearn.viewer.rrd import entity, rgba
+from structlearn.viewer.rrd import Recording, below, entity, rgba
 
 LOOKS = {"recorded": Look("recorded", DEMONSTRATION_COLOUR)} | {
     model: Look(look.name, LIGHT_GREY if look.colour == BLACK else look.colour)  # the viewer is black
@@ -47,45 +47,40 @@ def write_reaches_past_obstacles(path: str | Path, tables: Mapping[str, pd.DataF
     `tables`: `paths` and `shapes` of `avoidance.scene_folds.SceneResults`.
     """
     colours = rrd.legend({look.name: look.colour for look in LOOKS.values()})
-    with rrd.recording(path, title) as stream:
-        rrd.send_notes(stream, f"# {title}\n\n{NOTE}\n\n{colours}")
+    with rrd.recording(path, title) as to:
+        to.notes(f"# {title}\n\n{NOTE}\n\n{colours}")
         tabs = []
         for name, paths in tables["paths"].groupby("reach", sort=False):
             shapes = tables["shapes"].query("reach == @name")
-            middle, floor = _send_shapes(stream, name, shapes)
+            middle, floor = _send_shapes(to, name, shapes)
             for model, look in LOOKS.items():
-                _send_path(stream, name, look, paths[paths["model"] == model], shapes[shapes["box"]])
-            scene = rrd.eye_view(name, [f"{entity(name)}/**"], middle, EYE_M, floor)
-            clearance = rrd.plot("distance to the nearest obstacle (mm)", [f"{entity('distance', name)}/**"])
+                _send_path(to, name, look, paths[paths["model"] == model], shapes[shapes["box"]])
+            scene = rrd.eye_view(name, [below(name)], middle, EYE_M, floor)
+            clearance = rrd.plot("distance to the nearest obstacle (mm)", [below("distance", name)])
             beside = rrb.Vertical(rrd.notes_view(), clearance)
             tabs.append(rrb.Horizontal(scene, beside, column_shares=[2, 1], name=name))
-        stream.send_blueprint(rrd.layout(rrb.Tabs(*tabs, active_tab=0)))
+        to.show(tabs)
 
 
-def _send_shapes(stream: rr.RecordingStream, name: str, shapes: pd.DataFrame) -> tuple[np.ndarray, float]:
+def _send_shapes(to: Recording, name: str, shapes: pd.DataFrame) -> tuple[np.ndarray, float]:
     """Log obstacles, walls and axes; return the obstacles' mean centre (3,) m and the floor's height in m."""
     sizes, centres = (shapes[columns].to_numpy() for columns in (EXTENT, PLACE))
     solid = shapes["box"].to_numpy(bool)
-    stream.log(entity(name, "obstacles"), rrd.solid_boxes(sizes[solid], centres[solid], [GREY]), static=True)
+    to.boxes(entity(name, "obstacles"), sizes[solid], centres[solid], [GREY])
     edges = rr.components.FillMode.MajorWireframe
-    walls = rr.Boxes3D(
-        sizes=sizes[~solid], centers=centres[~solid], colors=rgba([LIGHT_GREY]), fill_mode=edges
-    )
-    stream.log(entity(name, "walls"), walls, static=True)
-    floor = rrd.send_floor_axes(stream, entity(name, "axes"), (centres - 0.5 * sizes)[solid])
+    walls = rr.Boxes3D(sizes=sizes[~solid], centers=centres[~solid], colors=rgba(LIGHT_GREY), fill_mode=edges)
+    to.still(entity(name, "walls"), walls)
+    floor = to.floor_axes(entity(name, "axes"), (centres - 0.5 * sizes)[solid])
     return centres[solid].mean(axis=0), floor
 
 
-def _send_path(
-    stream: rr.RecordingStream, name: str, look: Look, its: pd.DataFrame, boxes: pd.DataFrame
-) -> None:
+def _send_path(to: Recording, name: str, look: Look, its: pd.DataFrame, boxes: pd.DataFrame) -> None:
     """Log a hand over time, its whole path as a line, and its distance from the obstacles' extents."""
     points, time = its[PLACE].to_numpy(), its["time_s"].to_numpy()
     width = 1.0 if look.colour == LIGHT_GREY else 2.0
-    line = rr.LineStrips3D([points], colors=rgba([look.colour]), radii=-width)
     path = entity(name, look.name)
-    stream.log(f"{path}/path", line, static=True)
-    rrd.send_moving_frame(stream, f"{path}/hand", [rrd.time_column(time)], points, None, look.colour, 0.0)
+    to.lines(f"{path}/path", [points], look.colour, -width)
+    to.moving_frame(f"{path}/hand", time, points, look.colour)
     beyond = np.abs(points[:, None] - boxes[PLACE].to_numpy()) - 0.5 * boxes[EXTENT].to_numpy()
     apart = np.linalg.norm(np.maximum(beyond, 0.0), axis=-1).min(axis=1)
-    rrd.send_curve(stream, entity("distance", name, look.name), time, 1e3 * apart, look.name, look.colour)
+    to.series(entity("distance", name, look.name), time, 1e3 * apart, look.name, look.colour)

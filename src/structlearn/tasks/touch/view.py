@@ -6,7 +6,6 @@ from pathlib import Path
 
 import numpy as np
 import pandas as pd
-import rerun as rr
 import rerun.blueprint as rrb
 
 from structlearn.palette import BLUE, GREY, LIGHT_GREY, ORANGE, place_colours
@@ -18,18 +17,7 @@ from structlearn.tasks.touch.parameters import SurfaceParameters, TouchParameter
 from structlearn.tasks.touch.surface_traces import slides_on_clock, trial_groups
 from structlearn.tasks.touch.touch_names import SLIDE_GROUPS, material_of, of_pair, shown_map
 from structlearn.viewer.recorded_demonstrations import write_demonstrations
-from structlearn.viewer.rrd import (
-    entity,
-    flat_view,
-    layout,
-    legend,
-    notes_view,
-    plot,
-    recording,
-    send_curve,
-    send_moving_point,
-    send_notes,
-)
+from structlearn.viewer.rrd import Recording, entity, flat_view, legend, notes_view, plot, recording
 
 PRESS_MM, PROBE_MM, MARGIN_MM = 0.3, 0.7, 2.5  # radii of dots; margin around the plate
 TRIALS = 12  # paths shown one after the other, a step per second
@@ -61,19 +49,19 @@ def write(files: TaskFiles, folder: Path) -> None:
 
 def write_skin(path: Path, tables: Mapping[str, pd.DataFrame], tuned_on: tuple[str, ...]) -> None:
     """Write the view of a skin: its map if there are several runs, and forces if there is a scale."""
-    with recording(path, "A skin and its map") as stream:
+    with recording(path, "A skin and its map") as to:
         views: list[rrb.Container | rrb.View] = []
         if "maps" in tables:
-            views.append(_send_maps(stream, shown_map(tables["maps"], tuned_on), tables.get("paths")))
+            views.append(_send_maps(to, shown_map(tables["maps"], tuned_on), tables.get("paths")))
         if "traces" in tables:
-            _send_forces(stream, tables["traces"])
+            _send_forces(to, tables["traces"])
             views.append(plot("force (N)", ["/force/**"]))
-        send_notes(stream, NOTE)
+        to.notes(NOTE)
         shown = rrb.Vertical(*views, row_shares=[3, 1][: len(views)]) if views else notes_view()
-        stream.send_blueprint(layout(rrb.Horizontal(shown, notes_view(), column_shares=[4, 1])))
+        to.show(rrb.Horizontal(shown, notes_view(), column_shares=[4, 1]))
 
 
-def _send_maps(stream: rr.RecordingStream, maps: pd.DataFrame, paths: pd.DataFrame | None) -> rrb.Horizontal:
+def _send_maps(to: Recording, maps: pd.DataFrame, paths: pd.DataFrame | None) -> rrb.Horizontal:
     """Log presses on the plate and in the map, in mm from the plate's middle."""
     plate = maps[["x_m", "y_m"]].to_numpy()
     middle, colours = 0.5 * (plate.min(axis=0) + plate.max(axis=0)), place_colours(plate)
@@ -82,15 +70,14 @@ def _send_maps(stream: rr.RecordingStream, maps: pd.DataFrame, paths: pd.DataFra
         return 1e3 * (points - middle) * [1.0, -1.0]  # the viewer's y is downwards
 
     for name, points in (("plate", plate), ("map", maps[["map_x_m", "map_y_m"]].to_numpy())):
-        presses = rr.Points2D(drawn(points), colors=colours, radii=PRESS_MM)
-        stream.log(entity(name, "presses"), presses, static=True)
+        to.dots(entity(name, "presses"), drawn(points), colours, PRESS_MM)
     if paths is not None:
         shown = of_pair(paths, maps)
         shown = shown[shown["trial"] < TRIALS].sort_values(["trial", "step"])
         time = np.arange(len(shown), dtype=float)
         for name, start, colour in (("probe", "", LIGHT_GREY), ("target", "target_", GREY)):
             places = drawn(shown[[f"{start}x_m", f"{start}y_m"]].to_numpy())
-            send_moving_point(stream, entity("plate", name), time, places, colour, PROBE_MM, IN_FRONT)
+            to.moving_point(entity("plate", name), time, places, colour, PROBE_MM, draw_order=IN_FRONT)
     half = 0.5e3 * np.ptp(plate, axis=0).max() + MARGIN_MM
     ends = [-half, half]
     return rrb.Horizontal(
@@ -99,11 +86,11 @@ def _send_maps(stream: rr.RecordingStream, maps: pd.DataFrame, paths: pd.DataFra
     )
 
 
-def _send_forces(stream: rr.RecordingStream, traces: pd.DataFrame) -> None:
+def _send_forces(to: Recording, traces: pd.DataFrame) -> None:
     its = of_pair(traces, traces)
     for name, column, colour in (("scale", "force_n", ORANGE), ("estimated from the skin", "read_n", BLUE)):
         path, time = entity("force", name), its["time_s"].to_numpy()
-        send_curve(stream, path, time, its[column].to_numpy(), name, colour)
+        to.series(path, time, its[column].to_numpy(), name, colour)
 
 
 def write_slides(
