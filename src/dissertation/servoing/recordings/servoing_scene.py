@@ -17,20 +17,14 @@ from structlearn.core import quaternion
 from structlearn.core.params import Parameters
 from structlearn.tactile.electrodes import MapAlignment, Skin, align_map
 from structlearn.viewer.rrd import (
-    deviation_colours,
-    entity,
+    Recording,
+    below,
     eye_view,
     flat_view,
     notes_view,
     plot,
-    rgba,
-    send_moving_frame,
-    send_moving_point,
     thinning,
-    time_column,
 )
-from structlearn.tactile.electrodes import MapLaying, Skin, map_laying
-from structlearn.viewer.rrd import Recording, below, eye_view, flat_view, notes_view, plot, thinning
 
 SKIN, HANDLE = "#6b7480", "#8d7f6b"
 
