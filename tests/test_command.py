@@ -191,13 +191,13 @@ def test_a_folder_that_cannot_be_written_is_named_before_dvc_starts(lab, monkeyp
 def test_a_command_leaves_the_working_directory_alone(tmp_path, monkeypatch):
     there = []
 
-    def looked_at():
+    def look(given):
+        """Look at the folder while the command runs."""
         there.extend(tmp_path.iterdir())
-        return project.PACKAGED / project.DEFAULTS
 
     monkeypatch.chdir(tmp_path)
     monkeypatch.setattr(sys, "argv", ["bin/structlearn", "defaults"])
-    monkeypatch.setattr(project, "defaults_file", looked_at)
+    monkeypatch.setattr(command, "defaults", look)
     command.main(["defaults"])
     assert not there
 

@@ -306,4 +306,4 @@ def _alike(known: pd.Series, new: pd.Series, spread: float) -> bool:
 
 
 if __name__ == "__main__":
-    run(main)
+    run(main, stage=False)

@@ -51,4 +51,4 @@ def pipeline() -> dict[str, Any]:
 
 
 if __name__ == "__main__":
-    run(main)
+    run(main, stage=False)
