@@ -53,7 +53,7 @@ def test_corrected_runs_have_a_colour_per_path(tmp_path, parts):
 
 
 def test_parts_of_the_execution_follow_each_other(tmp_path, parts):
-    (whole_run,), cuts = view.joined(parts)
+    (whole_run,), cuts = view.joined_execution(parts)
     assert np.allclose(np.diff(whole_run.time), whole_run.dt)
     assert whole_run.tactile.shape == (3 * len(parts[0].time), 38)
     assert whole_run.velocity is None
@@ -61,7 +61,7 @@ def test_parts_of_the_execution_follow_each_other(tmp_path, parts):
     table = cuts.cuts
     assert (table["start_s"].to_numpy()[1:] == table["end_s"].to_numpy()[:-1]).all()
     path = tmp_path / "execution.rrd"
-    write_demonstrations(path, *view.joined(parts), "title", view.DEMONSTRATED)
+    write_demonstrations(path, *view.joined_execution(parts), "title", view.DEMONSTRATED)
     assert "/hands/execution" in contents(path)[1]
 
 

@@ -121,7 +121,7 @@ def _identified(
         gains = {name: tables["gains"][name].to_numpy() for name in (FOUND, QUOTED)}
         cuts = {name: drives_and_load.current_motion(log, tables, parameters) for name, log in moving.items()}
     motions = {name: motion for name, (motion, _) in cuts.items()}
-    pieces = train_and_test_pieces(motions, parameters)
+    pieces = held_out_pieces(motions, parameters)
     parts = joined_parts(", ".join(logs), pieces, parameters)
     tables["motions"] = _motion_table(
         moving, {name: its for name, (_, its) in cuts.items()}, pieces, parameters
@@ -250,7 +250,7 @@ def logs_that_are_there(logs: Mapping[str, Log], parameters: MotionParameters) -
     return parameters.model_copy(update=update)
 
 
-def train_and_test_pieces(motions: Mapping[str, Motion], parameters: MotionParameters) -> Pieces:
+def held_out_pieces(motions: Mapping[str, Motion], parameters: MotionParameters) -> Pieces:
     """Split motions into training (`TRAIN`) and test pieces.
 
     Named logs are parts of their own, including those without load that no parameter names. Otherwise the
