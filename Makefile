@@ -5,17 +5,10 @@ BIN := .venv/bin
 IN_ENVIRONMENT := PATH="$(CURDIR)/$(BIN):$$PATH"
 INSTALLED := .venv/installed
 DATA ?= data/public
-# What a user names reaches commands by the environment, in quotes: nothing in it is read by a shell, nor by make.
-override TASK := $(value TASK)
-override SOURCE := $(or $(value SOURCE),data/example/pick)
-override URDF := $(value URDF)
-override OUTPUT := $(value OUTPUT)
-override LOCK := $(value LOCK)
-export TASK SOURCE URDF OUTPUT LOCK
 # The caller's Python must not decide which packages run here: `setup.bash` of ROS sets PYTHONPATH.
 unexport PYTHONPATH PYTHONHOME
 
-.PHONY: help repro test docs lint recorded own own-example inspect excite check bench profile studies studies-check other-processor verdicts faults kills upsets view plot-page clean
+.PHONY: help repro test docs lint recorded own-example bench profile studies studies-check other-processor verdicts faults kills upsets view plot-page clean
 
 help:
 	@grep -hE '^[a-z -]+:.*## ' $(MAKEFILE_LIST) | sed -E 's/^([a-z -]+):.*## /\1\t/' | expand -t 18
@@ -23,12 +16,11 @@ help:
 # The table of findings is also in the README.
 TABLE_OF_README := sed -i -e '/^<!-- findings -->/,/^<!-- end of findings -->/{/^<!--/!d}' -e '/^<!-- findings -->/r reports/findings.md' README.md
 
-# The testbeds share no stage but the list of code, so a first run makes two at a time, the longest first: one fills the
-# cores while the other waits. `dvc repro` does what is left.
+# The testbeds share no stage, so a first run makes two at a time, the longest first: one fills the cores while the
+# other waits. `dvc repro` does what is left.
 TESTBEDS := dynamics scraping servoing obstacles
 repro: $(INSTALLED)  ## run the whole pipeline, write reports/index.html
-ifeq ($(wildcard data/code/main),)
-	$(IN_ENVIRONMENT) dvc repro --quiet code
+ifeq ($(wildcard data/raw/scraping/nominal),)
 	@$(MAKE) --no-print-directory --jobs=2 $(TESTBEDS:%=stages-of-%)
 endif
 	$(IN_ENVIRONMENT) dvc repro
@@ -48,46 +40,30 @@ lint: $(INSTALLED)  ## check style and types
 	$(BIN)/ruff format --check .
 	$(BIN)/mypy
 
-# The pipeline on recorded data; DATA holds some of the folders that the README names. The sets share no stage but the
-# list of code, so those with the first 32 stages run beside the others. Results that other reports quote are copied: the
-# front page shows them at once, testbed pages when they are next made.
+# The methods on public recordings, in a project of their own, data/recorded; DATA holds some of the folders that the
+# README names. The sets share no stage, so those with the first 32 stages run beside the others. Pages are copied here,
+# and results that other pages quote: the front page shows them at once, testbed pages when they are next made.
+RECORDED := data/recorded
 QUOTED := reports/quoted/recorded
 recorded: $(INSTALLED)  ## run the pipeline on recorded data: make recorded DATA=FOLDER
-	export RECORDED_DATA="$(abspath $(DATA))" $(IN_ENVIRONMENT) && targets=$$(python -m structlearn.tasks.task_entry public.yaml) && \
-	  dvc repro --quiet stages/tasks/dvc.yaml:code && \
+	export RECORDED_DATA="$(abspath $(DATA))" $(IN_ENVIRONMENT) && python -m dissertation.recorded.sets_project && cd $(RECORDED) && \
+	  targets=$$(python -c "from structlearn.tasks.task_entry import targets; print(*targets())") && \
 	  xargs --max-procs=2 --max-args=32 dvc --wait-for-lock repro --keep-going --single-item <<< "$$targets"
-	export RECORDED_DATA="$(abspath $(DATA))" $(IN_ENVIRONMENT) && dvc repro --keep-going stages/tasks/dvc.yaml:calibration_report
-	$(IN_ENVIRONMENT) dvc repro --single-item stages/tasks/dvc.yaml:recorded_report
-	mkdir -p $(QUOTED)
+	$(IN_ENVIRONMENT) dvc repro --quiet scraping_expected_traces
+	export RECORDED_DATA="$(abspath $(DATA))" $(IN_ENVIRONMENT) && cd $(RECORDED) && dvc repro --keep-going calibration_report
+	cd $(RECORDED) && $(IN_ENVIRONMENT) dvc repro --single-item recorded_report
+	mkdir -p $(QUOTED) reports/tasks
+	cp -r $(RECORDED)/reports/recorded $(RECORDED)/reports/calibration reports
+	cd $(RECORDED)/reports/tasks && tar -c --exclude=rerun . | tar -x -C $(CURDIR)/reports/tasks
 	cd reports/recorded && cp tables/claims.csv metrics.json findings.csv $(CURDIR)/$(QUOTED)
 	$(IN_ENVIRONMENT) dvc repro --single-item report
 	@$(TABLE_OF_README)
 	@$(BIN)/python -m structlearn.core.stage
-	@echo "reports/recorded/index.html is up to date"
+	@echo "reports/recorded/index.html is up to date; 3-D: cd $(RECORDED) && structlearn view reaches"
 
-# Tasks of your own, as stages/tasks/own.yaml lists them, from bags to a checked skill: all, or `make own TASK=pick`.
-# The names of stages come from entries that were checked.
-EXAMPLE := data/example/pick
-own: $(INSTALLED) $(if $(filter-out pick,$(TASK)),,$(EXAMPLE))  ## learn from your recordings, as stages/tasks/own.yaml lists them: make own TASK=pour
-	targets=$$($(BIN)/python -m structlearn.tasks.task_entry own.yaml "$$TASK") && $(IN_ENVIRONMENT) dvc repro --keep-going $$targets
-	@echo "reports/tasks/$${TASK:-*}/index.html is up to date"
-
-$(EXAMPLE): | $(INSTALLED)
-	$(BIN)/python stages/tasks/make_example.py
-
-# Six bags of an invented pick-and-place task, to try the pipeline for a task of your own on.
+# Six bags of an invented pick-and-place task, to try a task of your own on.
 own-example: $(INSTALLED)  ## write six example bags of a simulated task
-	$(BIN)/python stages/tasks/make_example.py
-
-# Contents of recordings, whether they are suitable for learning, and an entry for stages/tasks/own.yaml, e.g.
-# `make inspect SOURCE=~/bags`; URDF=robot.urdf computes poses from joints, OUTPUT=entry.yaml keeps the entry.
-inspect: $(INSTALLED)  ## show the contents of recordings and propose an entry: make inspect SOURCE=~/bags
-	$(BIN)/python -m structlearn.command inspect $(if $(URDF),--urdf="$$URDF") $(if $(OUTPUT),--output="$$OUTPUT") -- "$$SOURCE"
-
-# An excitation trajectory within the limits of a URDF: the robot of a task, or URDF=robot.urdf, with
-# LOCK="joints that do not move".
-excite: $(INSTALLED)  ## design an excitation trajectory for an arm: make excite TASK=pick, or URDF=robot.urdf
-	$(BIN)/python -m structlearn.command excite $(if $(URDF),--urdf="$$URDF",--task="$$TASK") $(if $(LOCK),--lock $$LOCK)
+	$(BIN)/python -m dissertation.simulation.pick_and_place data/example/pick
 
 # Timings against public libraries, which are installed first; latency, growth and workers. Needs an idle machine.
 BENCH := reports/benchmarks
@@ -109,18 +85,19 @@ profile: $(INSTALLED)  ## draw a flame graph of a stage: make profile STAGE=stag
 
 # More people, seeds and robots than the pipeline has time for, cell by cell (stages/studies); the tables in git take
 # what was run. Hours for all; goes on where it was stopped.
-STUDY = stages/studies/dvc.yaml$(if $(NAME),:$(subst /,_,$(NAME)))
-STUDY_TABLES := python -m structlearn.reporting.study_tables
+STUDY = $(if $(NAME),$(subst /,_,$(NAME)))
+STUDY_TABLES := python -m dissertation.evidence.study_tables
 studies: $(INSTALLED)  ## run all studies (takes hours), or one: make studies NAME=servoing/people
-	$(IN_ENVIRONMENT) dvc repro --keep-going $(STUDY)
+	$(IN_ENVIRONMENT) $(STUDY_TABLES) --code
+	cd stages/studies && $(IN_ENVIRONMENT) dvc repro --keep-going $(STUDY)
 	$(IN_ENVIRONMENT) $(STUDY_TABLES) $(NAME)
 
 # Whether the current code reproduces the studies; if so, DVC accepts the existing cells.
 studies-check: $(INSTALLED)  ## repeat one cell of each study and compare it with the table
 	$(IN_ENVIRONMENT) $(STUDY_TABLES) --check $(NAME)
-	$(IN_ENVIRONMENT) dvc repro --quiet code stages/studies/dvc.yaml:code
-	cells=$$(cd data/studies && ls -d $(or $(NAME),*/*)/* | sed 's|/|_|; s|/|@|; s|^|stages/studies/dvc.yaml:|') || exit 0; \
-	  $(IN_ENVIRONMENT) dvc commit --force $$cells
+	$(IN_ENVIRONMENT) $(STUDY_TABLES) --code
+	cells=$$(cd data/studies && ls -d $(or $(NAME),*/*)/* | sed 's|/|_|; s|/|@|') || exit 0; \
+	  cd stages/studies && $(IN_ENVIRONMENT) dvc commit --force $$cells
 
 # The whole pipeline with the instructions of another processor: no verdict may depend on it.
 other-processor: $(INSTALLED)  ## run the pipeline with the instruction set of an older processor and compare verdicts
@@ -128,7 +105,7 @@ other-processor: $(INSTALLED)  ## run the pipeline with the instruction set of a
 
 # Verdicts in the working tree that differ from the last commit.
 verdicts: $(INSTALLED)  ## list verdicts that differ from the last commit
-	$(BIN)/python -m structlearn.reporting.verdicts
+	$(BIN)/python -m dissertation.evidence.verdicts
 
 # Damage N files of every kind and read them: the same data, or one line. Tests do some hundred.
 faults: N ?= 10000
@@ -145,23 +122,17 @@ upsets: N ?= 1000000
 upsets: $(INSTALLED)  ## run N ticks of the controller under faults
 	PYTHONPATH=tests $(BIN)/python -m faults.controller_faults --ticks $(N)
 
-# Whether the robot of a task can follow everything that its skill may command: margins, or an error.
-check: $(INSTALLED)  ## check whether the robot of a task can follow its skill: make check TASK=pour
-	$(if $(TASK),,$(error which task? make check TASK=pick))
-	$(BIN)/python -m structlearn.command check "$$TASK"
-
-# Open the recordings of a testbed, e.g. `make view TESTBED=obstacles`, or of a task, `make view TASK=pick`; WEB=1 serves them to a browser instead.
+# Open the recordings of a testbed, e.g. `make view TESTBED=obstacles`; WEB=1 serves them to a browser instead.
 TESTBED ?= scraping
-view: export FOLDER = $(if $(TASK),reports/tasks/$(TASK)/rerun,reports/rerun/$(TESTBED))
-view: export MADE_BY = $(if $(TASK),make own TASK=$(TASK),dvc repro, or dvc checkout where it was run)
-view: $(INSTALLED)  ## open 3-D recordings: make view TESTBED=obstacles, or TASK=pour; WEB=1 for a browser
-	@ls "$$FOLDER"/*.rrd > /dev/null 2>&1 || { echo "error: $$FOLDER: no recordings; make them first: $$MADE_BY" >&2; exit 1; }
+view: export FOLDER = reports/rerun/$(TESTBED)
+view: $(INSTALLED)  ## open 3-D recordings: make view TESTBED=obstacles; WEB=1 for a browser
+	@ls "$$FOLDER"/*.rrd > /dev/null 2>&1 || { echo "error: $$FOLDER: no recordings; make them first: dvc repro, or dvc checkout where it was run" >&2; exit 1; }
 ifdef WEB
 	@echo "http://localhost:9090/?url=rerun%2Bhttp%3A%2F%2Flocalhost%3A9876%2Fproxy&theme=dark"
 	$(BIN)/rerun --serve-web --bind 127.0.0.1 "$$FOLDER"/*.rrd
 else
 	@[ "$$(uname)" != Linux ] || [ "$$DISPLAY$$WAYLAND_DISPLAY$$WAYLAND_SOCKET" ] || { \
-	  echo "error: there is no display to show $$FOLDER on; in a browser: make view WEB=1$${TASK:+ TASK=$$TASK}" >&2; exit 1; }
+	  echo "error: there is no display to show $$FOLDER on; in a browser: make view WEB=1" >&2; exit 1; }
 	$(BIN)/rerun "$$FOLDER"/*.rrd
 endif
 

@@ -5,7 +5,7 @@ from pathlib import Path
 import numpy as np
 import pybullet_data
 
-from structlearn.rigid_body.tree import Robot, read_urdf
+from structlearn.rigid_body.robot import Robot, read_urdf
 
 IIWA = Path(pybullet_data.getDataPath()) / "kuka_iiwa" / "model.urdf"
 SEED = 7

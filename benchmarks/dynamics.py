@@ -1,7 +1,7 @@
-"""Learning dynamics from 6000 samples of the iiwa: regressor, step of training, torques and epoch of DeLaN.
+"""Learning dynamics from 6000 samples of the iiwa: step of training, torques and epoch of DeLaN.
 
-Pinocchio computes the same regressor sample by sample; its order of the inertia's entries differs. A step of
-training is torques of the whole set, their squared error and its gradient to the free parameters of cov.
+A step of training is torques of the whole set, their squared error and its gradient to the free parameters
+of cov.
 """
 
 from collections.abc import Callable, Sequence
@@ -13,63 +13,44 @@ from arm_motions import SAMPLES, SEED, iiwa, relative_error
 from timing import Case, Contender
 from torch.nn import functional
 
-from structlearn.rigid_body.inertia_parameters import draw, link_inertias
+from structlearn.rigid_body.inertia_parameters import (
+    STRUCTURES,
+    link_inertias,
+    sample_parameters,
+    structure_gradient,
+    structure_theta,
+)
 from structlearn.rigid_body.network_models import SMALLEST_INERTIA, StackedLagrangianNetworks
-from structlearn.rigid_body.newton_euler import inverse_dynamics
 from structlearn.rigid_body.regressor import link_parameters, torque_regressor
-from structlearn.rigid_body.tree import Robot
 
 SAME = 1e-9
 BATCH = 256
 HIDDEN = (32, 64, 32)
 SINGLE = 1e-4  # of single precision
-# of the inertia: xx, xy, yy, xz, yz, zz where ours has xx, xy, xz, yy, yz, zz
-PINOCCHIO_ENTRIES = [0, 1, 2, 3, 4, 5, 7, 6, 8, 9]
-
-
-def regressor() -> Case:
-    """Y of the whole set, computed once before a training."""
-    robot, motion = iiwa()
-    expected = _pinocchio_regressor(robot, motion)()
-    columns = (10 * np.arange(len(robot.tree.names))[:, None] + PINOCCHIO_ENTRIES).ravel()
-    return Case(
-        work=f"regressor, {SAMPLES} samples of the iiwa",
-        ours=Contender(
-            lambda: torque_regressor(robot.tree, *motion),
-            lambda found: relative_error(found, expected[..., columns]),
-        ),
-        peers={
-            "Pinocchio": lambda: Contender(
-                _pinocchio_regressor(robot, motion), lambda found: relative_error(found, expected)
-            )
-        },
-        aim_ms=30.0,
-        tolerance=SAME,
-        note="once per data set; Pinocchio in a Python loop over samples",
-    )
 
 
 def training_step() -> Case:
-    """Forward and gradient through the parameterisation, by the regressor and by the recursion."""
+    """Forward and gradient through the parameterisation, by torch and by the compiled reverse pass."""
     robot, motion = iiwa()
-    free = _free(len(robot.tree.names))
-    torques = torch.from_numpy(np.random.default_rng(SEED).normal(size=motion[0].shape))
+    joints = len(robot.tree.names)
+    free = _free(joints).detach().numpy()[None]
+    torques = torch.from_numpy(np.random.default_rng(SEED).normal(size=motion[0].shape)).flatten()
     columns = torch.from_numpy(torque_regressor(robot.tree, *motion)).flatten(0, 1).T.contiguous()
-    states = [torch.from_numpy(values) for values in motion]
+    cov, friction, squared = STRUCTURES.index("cov"), np.empty((1, joints, 0)), np.empty(0, dtype=bool)
 
-    def by_recursion() -> np.ndarray:
-        found = inverse_dynamics(robot.tree, link_inertias("cov", free), *states)
-        return _gradient((found - torques).square().mean(), free)
+    def compiled() -> np.ndarray:
+        error = structure_theta(cov, free, friction, squared) @ columns.numpy() - torques.numpy()
+        slope = 2.0 / error.size * (error @ columns.numpy().T)
+        return structure_gradient(cov, free, friction, squared, slope)[0][0]
 
-    expected = by_recursion()
+    expected = compiled()
     return Case(
         work=f"inverse dynamics forward + gradient, {SAMPLES} samples",
-        ours=Contender(
-            step_by_regressor(len(robot.tree.names), columns, torques.flatten()),
-            lambda found: relative_error(found, expected),
-        ),
+        ours=Contender(compiled, lambda found: relative_error(found, expected)),
         peers={
-            "our recursion": lambda: Contender(by_recursion, lambda found: relative_error(found, expected))
+            "autograd, same form": lambda: Contender(
+                step_by_regressor(joints, columns, torques), lambda found: relative_error(found, expected)
+            )
         },
         aim_ms=5.0,
         tolerance=SAME,
@@ -90,7 +71,7 @@ def step_by_regressor(joints: int, columns: torch.Tensor, torques: torch.Tensor)
 
 def _free(joints: int) -> torch.Tensor:
     """Free parameters of cov for as many links."""
-    return draw("cov", joints, [torch.Generator().manual_seed(SEED)])[0].requires_grad_()
+    return sample_parameters("cov", joints, [torch.Generator().manual_seed(SEED)])[0].requires_grad_()
 
 
 def lagrangian_torques() -> Case:
@@ -193,23 +174,8 @@ def _summed_gradient(
     return total.numpy()
 
 
-def _pinocchio_regressor(robot: Robot, motion: tuple[np.ndarray, ...]) -> Callable[[], np.ndarray]:
-    import pinocchio
-
-    data = robot.model.createData()
-
-    def run() -> np.ndarray:
-        samples, joints = motion[0].shape
-        found = np.empty((samples, joints, 10 * joints))
-        for sample, state in enumerate(zip(*motion, strict=True)):
-            found[sample] = pinocchio.computeJointTorqueRegressor(robot.model, data, *state)
-        return found
-
-    return run
-
-
 def _gradient(loss: torch.Tensor, free: torch.Tensor) -> np.ndarray:
     return torch.autograd.grad(loss, free)[0].numpy()
 
 
-CASES = (regressor, training_step, lagrangian_torques, lagrangian_epoch)
+CASES = (training_step, lagrangian_torques, lagrangian_epoch)

@@ -12,11 +12,14 @@ how many all repeats were found; of wiping, where nothing rests and a force tell
 import argparse
 from functools import partial
 from itertools import pairwise
+from pathlib import Path
 
 import numpy as np
 import pandas as pd
 from timing import at_least_one
 
+from dissertation.simulation.hand_noise import hand_noise
+from dissertation.simulation.pick_and_place import MOVES, SLOW, as_recording, session, takes
 from structlearn.core import minimum_jerk
 from structlearn.core.errors import InputError
 from structlearn.core.parallel import parallel_map
@@ -24,8 +27,6 @@ from structlearn.readers import synchronise
 from structlearn.readers.demonstration import Demonstration
 from structlearn.segmentation import SegmentParameters, cut
 from structlearn.segmentation.repeats import split
-from structlearn.simulation.hand_noise import hand_noise
-from structlearn.tasks.pick_and_place_world import MOVES, SLOW, as_recording, session, takes
 from structlearn.tasks.task_entry import read_task
 
 KINDS = {
@@ -48,7 +49,7 @@ WIPING = [
 
 def cutting(primitives: object, ends: str) -> SegmentParameters:
     """Parameters of the public example, for other primitives and ends."""
-    values = read_task("pick").segment
+    values = read_task("pick", Path("examples/pick.yaml")).segment
     return values.model_validate(values.model_dump() | {"primitives": primitives, "ends": ends})
 
 

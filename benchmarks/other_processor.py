@@ -17,15 +17,15 @@ from pathlib import Path
 
 import pandas as pd
 
-from structlearn.core.artefacts import publish, write_csv
-from structlearn.reporting.prose import counted
-from structlearn.reporting.verdicts import (
+from dissertation.evidence.verdicts import (
     FLIPPED,
     OUTCOMES,
     changes,
     compared,
     other_processor_page,
 )
+from structlearn.core.artefacts import publish, write_csv
+from structlearn.reporting.prose import counted
 
 SETTINGS = {"OPENBLAS_CORETYPE": "Nehalem", "ATEN_CPU_CAPABILITY": "default", "NUMBA_CPU_NAME": "generic"}
 TESTBEDS = ("scraping", "obstacles", "dynamics", "servoing")

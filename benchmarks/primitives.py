@@ -28,7 +28,7 @@ from primitive_inputs import (
 )
 from timing import Case, Contender
 
-from structlearn.feedback.coupling_model import evaluate
+from structlearn.core.compiled_calls import call
 from structlearn.feedback.models.pmnn import PhaseModulatedNetwork
 from structlearn.primitives import canonical, kernels, trajectory, transformation
 from structlearn.primitives.kernels import KERNEL_COUNT
@@ -175,16 +175,16 @@ class CompiledNetwork(CouplingNetwork):
             output_weights=COUPLING_SCALE * self.weights[-1][:, 0],
         )
         times = np.linspace(0.0, 1.0, SAMPLES)
-        self.table = network.table(*canonical.phase(times, canonical.TAU_PER_DURATION))
-        numbers = network.compiled()
-        self.numbers, self.memory = numbers[:2], np.zeros(numbers.memory)
+        self.rows = network.time_features(*canonical.phase(times, canonical.TAU_PER_DURATION))
+        compiled = network.compiled()
+        self.arguments, self.memory = compiled[:2], np.zeros(compiled.memory)
         self.kernel = network.kernel.address
 
     def __call__(self, step: int, x: np.ndarray, xd: np.ndarray) -> float:
         """Coupling term, the same on all axes, at x (3,) and xd (3,)."""
         self.inputs[:3] = x
         self.inputs[3:6] = xd
-        return evaluate(self.kernel, *self.numbers, self.table[step], self.inputs, self.memory)
+        return call(self.kernel, *self.arguments, self.rows[step], self.inputs, self.memory)
 
 
 def coupled_compiled() -> Case:

@@ -9,9 +9,9 @@ from pathlib import Path
 import numpy as np
 from timing import Case, Contender
 
+from dissertation.simulation.pick_and_place import session, write_takes
 from structlearn.readers import read_recording
-from structlearn.readers.source import TopicMap
-from structlearn.tasks.pick_and_place_world import session, write_takes
+from structlearn.readers.topics import TopicMap
 
 REPEATS = 3
 TOPICS = {"pose": "/gripper/pose", "joint_states": ("/joint_states",), "wrench": "/wrist/wrench"}

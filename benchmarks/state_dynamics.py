@@ -14,8 +14,9 @@ from timing import Case, Contender
 
 from structlearn.core.compilation import numba
 from structlearn.rigid_body import compiled_chain, compiled_dynamics
-from structlearn.rigid_body.compiled_chain import Body, Workspace
-from structlearn.rigid_body.tree import Robot
+from structlearn.rigid_body.compiled_chain import Workspace
+from structlearn.rigid_body.robot import Robot
+from structlearn.rigid_body.tree import RobotArrays, robot_arrays
 
 SAME = 1e-9
 MUJOCO = 1e-6  # it turns the URDF's inertias into principal axes, which the light wrist amplifies
@@ -45,11 +46,11 @@ def forward_one_by_one() -> Case:
     """Accelerations likewise, as a simulator in Python asks for them."""
     robot, motion, expected = _pushed()
     contender = _contenders(motion, expected)
-    body, work = _simulated(robot)
+    arrays, work = _simulated(robot)
 
     def ours(q: np.ndarray, qd: np.ndarray, torques: np.ndarray) -> np.ndarray:
         found = torques.copy()
-        compiled_chain.dynamics(body, q, qd, work)
+        compiled_chain.dynamics(arrays, q, qd, work)
         compiled_chain.accelerations(work, found)
         return found
 
@@ -69,11 +70,11 @@ def forward_one_by_one() -> Case:
 def forward_batch() -> Case:
     """The same states in one call, as a simulated arm takes its steps."""
     robot, motion, expected = _pushed()
-    body, work = _simulated(robot)
+    arrays, work = _simulated(robot)
     return Case(
         work="  in one compiled call",
         ours=Contender(
-            lambda: _accelerations(body, *motion, work), lambda found: relative_error(found, expected)
+            lambda: _accelerations(arrays, *motion, work), lambda found: relative_error(found, expected)
         ),
         peers={"Pinocchio abaInParallel": lambda: _pinocchio_batch(robot, motion, expected)},
         tolerance=SAME,
@@ -84,18 +85,18 @@ def forward_batch() -> Case:
 
 @numba.njit
 def _accelerations(
-    body: Body, q: np.ndarray, qd: np.ndarray, torques: np.ndarray, work: Workspace
+    arrays: RobotArrays, q: np.ndarray, qd: np.ndarray, torques: np.ndarray, work: Workspace
 ) -> np.ndarray:
     """Accelerations (N, n) at positions, velocities and torques (N, n)."""
     found = torques.copy()
     for sample in range(len(q)):
-        compiled_chain.dynamics(body, q[sample], qd[sample], work)
+        compiled_chain.dynamics(arrays, q[sample], qd[sample], work)
         compiled_chain.accelerations(work, found[sample])
     return found
 
 
-def _simulated(robot: Robot) -> tuple[Body, Workspace]:
-    return compiled_chain.body(robot.tree, robot.inertias), compiled_chain.workspace(len(robot.tree.names))
+def _simulated(robot: Robot) -> tuple[RobotArrays, Workspace]:
+    return robot_arrays(robot.tree, robot.inertias), compiled_chain.workspace(len(robot.tree.names))
 
 
 def _pushed() -> tuple[Robot, tuple[np.ndarray, ...], np.ndarray]:

@@ -18,12 +18,12 @@ os.environ.update(OMP_NUM_THREADS="1", OPENBLAS_NUM_THREADS="1", MKL_NUM_THREADS
 import pandas as pd
 from timing import at_least_one, machine
 
+from dissertation.scraping.world.demonstrator import DemonstratorParameters
+from dissertation.scraping.world.testbed import TestbedParameters, guided_demonstrations
 from structlearn.core.artefacts import write_csv
 from structlearn.core.parallel import BACKEND, PROCESSES
 from structlearn.core.params import read_parameters
 from structlearn.readers.demonstration import Recording
-from structlearn.testbeds.scraping.world.demonstrator import DemonstratorParameters
-from structlearn.testbeds.scraping.world.testbed import TestbedParameters, guided_demonstrations
 
 PARAMETER_FILE = Path(__file__).parents[1] / "params.yaml"
 DEMONSTRATIONS, ROUNDS = 16, 2

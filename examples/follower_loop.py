@@ -1,6 +1,6 @@
 """The loop that makes a robot follow a skill, each millisecond, with its deadlines accounted for.
 
-    python examples/follower_loop.py data/tasks/pick/skill/skill.safetensors       # after `make check`
+    python examples/follower_loop.py data/tasks/pick/skill/skill.safetensors       # after `structlearn check`
 
 `FakeArm` has the shape of robots' own libraries, such as `readOnce` and `writeOnce` of pylibfranka and
 `setJointPosition` of lbr_fri; franky plans by itself, from waypoints. A true arm has to be where it starts.
@@ -15,7 +15,7 @@ from structlearn.core.stage import run
 from structlearn.feedback import Controller, read_skill
 from structlearn.primitives.sequence import default_start
 from structlearn.rigid_body import Follower, read_arm
-from structlearn.simulation.arm import urdf_path
+from structlearn.rigid_body.urdf import urdf_path
 
 URDF, TIP = "franka_panda/panda.urdf", "panda_grasptarget"
 FINGERS = ("panda_finger_joint1", "panda_finger_joint2")

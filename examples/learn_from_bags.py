@@ -1,7 +1,8 @@
 """Learn primitives from a folder of bags and run them to goals elsewhere: the library alone, no pipeline.
 
 make own-example                             # six bags of an invented task, data/example/pick
-python examples/learn_from_bags.py pick      # any entry of stages/tasks/own.yaml
+structlearn new pick --from data/example/pick
+cd pick && python ../examples/learn_from_bags.py pick      # any entry of structlearn.yaml
 """
 
 import argparse
@@ -44,6 +45,6 @@ def main(name: str) -> sequence.SequencePath:
 
 if __name__ == "__main__":
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    parser.add_argument("name", help="a task of stages/tasks/own.yaml")
+    parser.add_argument("name", help="a task of structlearn.yaml")
     name = parser.parse_args().name
     run(lambda: main(name))

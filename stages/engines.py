@@ -6,6 +6,20 @@ from contextlib import contextmanager
 import numpy as np
 import pandas as pd
 
+from dissertation.dynamics.world.arm_motion import ArmMotionParameters
+from dissertation.dynamics.world.joint_logs import (
+    PerturbedRobotParameters,
+    RecordMotionParameters,
+    perturbed_robot_log,
+)
+from dissertation.scraping.protocol.execution_scores import ExecutionParameters
+from dissertation.scraping.protocol.executions import corrected_runs, execute_run
+from dissertation.scraping.world import scraping_robot
+from dissertation.scraping.world.execution import Advance
+from dissertation.scraping.world.scraping_world import World, load
+from dissertation.scraping.world.testbed import TestbedParameters
+from dissertation.simulation.arm import ArmParameters
+from dissertation.simulation.bullet_arm import BulletArm, differences
 from structlearn.core.artefacts import write_csv
 from structlearn.core.params import Population
 from structlearn.core.stage import run, stage_parameters
@@ -14,20 +28,6 @@ from structlearn.primitives.primitive_files import read_primitives
 from structlearn.readers.demonstration import Recording
 from structlearn.readers.joint_log import JointLog
 from structlearn.rigid_body.compiled_chain import kinematics
-from structlearn.simulation.arm import ArmParameters
-from structlearn.simulation.bullet_arm import BulletArm, differences
-from structlearn.testbeds.dynamics.world.arm_motion import ArmMotionParameters
-from structlearn.testbeds.dynamics.world.joint_logs import (
-    PerturbedRobotParameters,
-    RecordMotionParameters,
-    perturbed_robot_log,
-)
-from structlearn.testbeds.scraping.protocol.execution_scores import ExecutionParameters
-from structlearn.testbeds.scraping.protocol.executions import corrected_runs, execute_run
-from structlearn.testbeds.scraping.world import scraping_robot
-from structlearn.testbeds.scraping.world.execution import Advance
-from structlearn.testbeds.scraping.world.scraping_world import World, load
-from structlearn.testbeds.scraping.world.testbed import TestbedParameters
 
 COMPARED_S = 8.0
 """Duration of the compared part of a joint log: all joints move in it, some reverse."""
@@ -59,7 +59,7 @@ def in_pybullet(world: World) -> Iterator[Advance]:
             for _ in range(world.substeps):
                 load(world, torques)
                 world.q[:], world.v[:] = arm.step(world.torques)
-                kinematics(world.body, world.q, world.work)
+                kinematics(world.arrays, world.q, world.work)
 
         yield step_in_pybullet
 
@@ -68,7 +68,7 @@ def perturbed_robot_on_sines() -> pd.DataFrame:
     """Compare the engines on a robot with friction, ripple and latency that picks up a payload."""
     parameters = stage_parameters("record_motion", RecordMotionParameters)
     motion = stage_parameters("arm_motion", ArmMotionParameters).used.cut(COMPARED_S)
-    perturbed = stage_parameters("stand_in", PerturbedRobotParameters)
+    perturbed = stage_parameters("perturbed_robot", PerturbedRobotParameters)
     seed = min(stage_parameters("dynamics_robots", Population).test)
     robot = stage_parameters("arm", ArmParameters).read()
     logs = [

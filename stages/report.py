@@ -2,17 +2,17 @@
 
 from pathlib import Path
 
-from structlearn.core.artefacts import publish
-from structlearn.core.stage import run
-from structlearn.reporting.claims import QUOTED
-from structlearn.reporting.document import Made, source_commit
-from structlearn.reporting.front import (
+from dissertation.evidence.claims import QUOTED
+from dissertation.evidence.front import (
     RECORDED,
     findings_table,
     read_claims_of,
     read_front_page,
     render_front,
 )
+from structlearn.core.artefacts import publish
+from structlearn.core.stage import run
+from structlearn.reporting.document import Provenance, source_commit
 
 REPORTS = Path("reports")
 
@@ -27,7 +27,7 @@ def main() -> None:
         path.parent.name: path.relative_to(REPORTS).as_posix()
         for path in sorted(REPORTS.glob("tasks/*/index.html"))
     }
-    made = Made(source_commit(), command="dvc repro report")
+    made = Provenance(source_commit(), command="dvc repro report")
     with publish(REPORTS / "index.html") as path:
         path.write_text(render_front(page, claims, tasks, made), encoding="utf-8")
     with publish(REPORTS / "findings.md") as path:

@@ -7,14 +7,14 @@ import numpy as np
 from committed import committed
 from scraping_motions import NAMES, scraping_skill
 
+from dissertation.scraping.protocol.board_refinement import Board
+from dissertation.scraping.protocol.execution_scores import nominal_orientation
+from dissertation.scraping.protocol.executions import execute_run, nominal_runs
+from dissertation.scraping.world.testbed import TestbedParameters
 from structlearn.feedback.coupling_targets import SupervisionParameters
 from structlearn.feedback.skill import Limits
 from structlearn.readers.clock import synchronise
-from structlearn.readers.source import ClockParameters
-from structlearn.testbeds.scraping.protocol.board_refinement import Board
-from structlearn.testbeds.scraping.protocol.execution_scores import nominal_orientation
-from structlearn.testbeds.scraping.protocol.executions import execute_run, nominal_runs
-from structlearn.testbeds.scraping.world.testbed import TestbedParameters
+from structlearn.readers.source_parameters import ClockParameters
 
 RATE_HZ = 300.0
 TESTBED = committed(TestbedParameters, "testbed")

@@ -11,15 +11,19 @@ from typing import Any, TypeVar
 import pytest
 import yaml
 
+from dissertation.simulation.fingers import TouchParameters
+from dissertation.simulation.touch import FingerParameters, TouchFingerParameters
 from structlearn.core.params import Parameters, merged
-from structlearn.readers.source import TopicMap
-from structlearn.simulation.fingers import TouchParameters
-from structlearn.simulation.touch import FingerParameters, TouchFingerParameters
-from structlearn.tasks.task_entry import read_task
+from structlearn.readers.topics import TopicMap
+from structlearn.tasks.kinds import KINDS
+from structlearn.tasks.project import ENTRIES, STAGES
+from structlearn.tasks.task_entry import PARTS, read_task
 
 ROOT = Path(__file__).parents[1]
 PARAMETER_FILE = ROOT / "params.yaml"
-TASK_FILE = ROOT / "stages/tasks/params.yaml"
+TASK_FILE = ROOT / "src/structlearn/tasks/stages/params.yaml"
+SETS = ROOT / "src/dissertation/recorded"
+EXAMPLE_TASK = read_task("pick", ROOT / "examples/pick.yaml")
 NO_TOPICS = {
     "twist": None,
     "joint_states": [],
@@ -34,7 +38,8 @@ ParametersType = TypeVar("ParametersType", bound=Parameters)
 
 @cache
 def _tree() -> dict[str, Any]:
-    return read_yaml(PARAMETER_FILE) | read_yaml(TASK_FILE)
+    calibration = read_yaml(SETS / "calibration/params.yaml")
+    return read_yaml(PARAMETER_FILE) | read_yaml(TASK_FILE) | calibration
 
 
 def read_yaml(path: Path) -> Any:
@@ -50,25 +55,23 @@ def parameter_tree(changes: Mapping[str, Any]) -> dict[str, Any]:
 def own_tasks(
     folder: Path, changes: Mapping[str, Any] | None = None, kind: str = "movement", **tasks: Any
 ) -> None:
-    """Write the files of entries below a folder: tasks of one kind, whose defaults may be changed."""
-    content = read_yaml(TASK_FILE)
-    path = folder / "stages/tasks"
-    path.mkdir(parents=True, exist_ok=True)
-    files = {
-        "params.yaml": merged(content, {"defaults": {kind: changes or {}}}),
-        "public.yaml": {one: {} for one in content["defaults"]},
-        "own.yaml": {kind: tasks},
-    }
-    for name, values in files.items():
-        (path / name).write_text(yaml.safe_dump(values), encoding="utf-8")
+    """Write the entries of a project: tasks of one kind, with changes of what each has."""
+    for name, task in tasks.items():
+        if isinstance(task, Mapping):
+            its = {key: one for key, one in (changes or {}).items() if key not in PARTS or key in task}
+            tasks[name] = merged(its, task)
+    (folder / ENTRIES).write_text(
+        yaml.safe_dump({one: {} for one in KINDS} | {kind: tasks}), encoding="utf-8"
+    )
 
 
-def run_stages(root: Path, task: str, *stages: str) -> None:
-    """Some stages of a task in the working directory."""
+def run_stages(task: str, *stages: str | Path) -> None:
+    """Some stages of a task in the working directory: of the package by name, or other scripts."""
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(sys, "argv", ["stage", task])
         for stage in stages:
-            runpy.run_path(str(root / f"stages/tasks/{stage}.py"), run_name="__main__")
+            script = STAGES / f"{stage}.py" if isinstance(stage, str) else stage
+            runpy.run_path(str(script), run_name="__main__")
 
 
 def committed(model: type[ParametersType], key: str, **changes: Any) -> ParametersType:
@@ -84,8 +87,8 @@ def committed(model: type[ParametersType], key: str, **changes: Any) -> Paramete
 
 
 def committed_entry(name: str, **changes: Any) -> Any:
-    """The parameters of a public set in `stages/tasks/public.yaml`, with changes."""
-    entry = read_task(name, TASK_FILE.parent)
+    """The parameters of a public set in `public.yaml`, with changes."""
+    entry = read_task(name, SETS / "public.yaml")
     return type(entry).model_validate(merged(entry.model_dump(), changes))
 
 

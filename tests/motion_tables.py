@@ -8,7 +8,7 @@ import pandas as pd
 from committed import committed_entry
 
 from structlearn.rigid_body.model_comparison import LEAST_SQUARES, NETWORKS, URDF
-from structlearn.tasks.motion import motion_parameters as protocol
+from structlearn.tasks.motion import parameters as protocol
 from structlearn.tasks.motion.motion_results import MotionResults
 
 DRAWS = 60

@@ -8,12 +8,12 @@ import pandas as pd
 from committed import committed
 from obstacles_unrolls import baseline
 
+from dissertation.obstacles.protocol import avoidance_protocols
+from dissertation.obstacles.protocol.avoidance_scores import demonstration_scores
+from dissertation.obstacles.world.scenarios import Scenario, own_scenarios
 from structlearn.avoidance.shapes import SHAPES, obstacle
 from structlearn.core.params import Population
 from structlearn.readers.demonstration import Demonstration
-from structlearn.testbeds.obstacles.protocol import avoidance_protocols
-from structlearn.testbeds.obstacles.protocol.avoidance_scores import demonstration_scores
-from structlearn.testbeds.obstacles.world.scenarios import Scenario, own_scenarios
 
 NEAR, FAR, BESIDE = [0.4, -0.15, 0.25], [0.4, -0.45, 0.6], [0.5, 0.15, 0.3]
 PRIMITIVE = baseline()

@@ -6,7 +6,7 @@ import numpy as np
 import pandas as pd
 from readers_bags import pose_rows
 
-from structlearn.readers import eflesh
+from dissertation.recorded.readers import eflesh
 
 SKIN_START_S = 1_700_000_000.0
 SHAPE = "object,x,y,z,width,height,depth\n"

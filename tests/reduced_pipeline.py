@@ -10,7 +10,9 @@ from pathlib import Path
 import yaml
 from committed import merged, read_yaml
 
+from dissertation.recorded.sets_project import FOLDER
 from structlearn.core.parallel import BACKEND
+from structlearn.tasks.project import ENTRIES
 
 REDUCED = {
     "simulate": {"count": 4},
@@ -49,7 +51,7 @@ REDUCED = {
     "inspect_obstacles": {"scenarios": ["sphere/01", "cylinder/02"]},
     "dynamics_robots": {"test": [11, 12]},
     "arm_motion": {"test": {"duration_s": 24.0}},
-    "stand_in": {"log_s": 16.0},
+    "perturbed_robot": {"log_s": 16.0},
     "train_dynamics": {
         "seeds": [11, 12],
         "learning": {"hidden": [4, 4]},
@@ -87,15 +89,17 @@ REDUCED_TASKS = {  # entries of public sets
             "load": {"batch": 200, "iterations": 5},
         },
         "kuka_lwr4": {"iterations": 5, "draws": 100},
-        "delan_characters": {"parts": {"seeds": 2, "splits": 2, "epochs": 2}},
     },
-    "touch": {
+    "dissertation.recorded.parts": {"delan_characters": {"seeds": 2, "splits": 2, "epochs": 2}},
+    "dissertation.recorded.transfer": {
         "biotac": {
             "folds": 2,
-            "transfer": {"simulated_repeats": 1},
+            "simulated_repeats": 1,
             "geodesics": {"bin_size": 300, "bins": 1, "bridge_mm": 8.0},
             "spaces": SPACES,
         },
+    },
+    "touch": {
         "eflesh": {
             "folds": 2,
             "rival_samples": 100,
@@ -111,15 +115,15 @@ REDUCED_TASKS = {  # entries of public sets
             "cloud_count": 20,
             "reaches": {"samples": 51},
             "network": {"members": 1, "demonstrations": 20, "training": {"iterations": 3}},
-            "text_network": {"training": {"iterations": 3}},
+            "published_network": {"training": {"iterations": 3}},
         },
+    },
+    "dissertation.recorded.coupling": {
         "avoidance": {
-            "representations": {
-                "folds": 2,
-                "network": {"members": 1, "training": {"iterations": 2}},
-                "pmnn": {"steps": 20, "evaluate_every": 20},
-            }
-        },
+            "folds": 2,
+            "network": {"members": 1, "training": {"iterations": 2}},
+            "pmnn": {"steps": 20, "evaluate_every": 20},
+        }
     },
 }
 
@@ -139,13 +143,21 @@ def clone(root: Path, target: Path) -> Path:
         if (root / name).is_file() and not name.endswith("dvc.lock"):
             (target / name).parent.mkdir(parents=True, exist_ok=True)
             shutil.copy2(root / name, target / name)
-    for name, changes in (("params.yaml", REDUCED), ("stages/tasks/public.yaml", REDUCED_TASKS)):
-        parameters = merged(read_yaml(target / name), changes)
-        if "other_skins" in parameters:
-            parameters["other_skins"]["skins"].pop("flat_pad")
-        (target / name).write_text(yaml.safe_dump(parameters, sort_keys=False))
+    parameters = merged(read_yaml(target / "params.yaml"), REDUCED)
+    parameters["other_skins"]["skins"].pop("flat_pad")
+    (target / "params.yaml").write_text(yaml.safe_dump(parameters, sort_keys=False))
     subprocess.run(["git", "init", "--quiet"], cwd=target, check=True)
     return target
+
+
+def recorded_project(project: Path, source: Path) -> Path:
+    """The project of public sets in a clone, on reduced parameters."""
+    command = [sys.executable, "-m", "dissertation.recorded.sets_project"]
+    variables = environment() | {"RECORDED_DATA": str(source.resolve())}
+    subprocess.run(command, cwd=project, env=variables, check=True)
+    entries = project / FOLDER / ENTRIES
+    entries.write_text(yaml.safe_dump(merged(read_yaml(entries), REDUCED_TASKS), sort_keys=False))
+    return project / FOLDER
 
 
 def environment() -> dict[str, str]:
@@ -154,19 +166,17 @@ def environment() -> dict[str, str]:
     return kept | {"PATH": f"{Path(sys.executable).parent}{os.pathsep}{os.environ['PATH']}"}
 
 
-def by_hand(
-    project: Path, stages: Iterable[str] | None = None, file="dvc.yaml", spread=False, **variables: str
-) -> Path:
+def by_hand(project: Path, stages: Iterable[str] | None = None, spread=False, **variables: str) -> Path:
     """Run stages (default all) in the order of their file in one process without DVC, to save their starts.
 
-    Stages of tasks run for every public one. `spread`: over processes; `variables`: of the environment.
+    Stages of tasks run for every one. `spread`: over processes; `variables`: of the environment.
     """
-    listed = read_yaml(project / file)["stages"]
-    public = read_yaml(project / "stages/tasks/public.yaml")
-    commands = []
+    listed, commands = read_yaml(project / "dvc.yaml")["stages"], []
+    entries = read_yaml(project / ENTRIES) if (project / ENTRIES).exists() else {}
     for name, stage in listed.items():
         if stages is None or name in stages:
-            tasks = public[stage["foreach"][2:-1]] if "foreach" in stage else ("",)
+            over = stage.get("foreach", [""])
+            tasks = entries[over[2:-1]] if isinstance(over, str) else over
             commands += [f"{stage.get('do', stage)['cmd']} {task}".strip() for task in tasks]
     alone = {} if spread else {BACKEND: "sequential"}
     command = [sys.executable, "-c", ONE_BY_ONE, *commands]
@@ -176,20 +186,24 @@ def by_hand(
 
 ONE_BY_ONE = """
 import runpy, sys
-from structlearn.simulation import still
+from dissertation.simulation import still
 still.OVERSAMPLING = 1  # a quarter of the pixels to render
 for command in sys.argv[1:]:
     sys.argv = command.split()[1:]
     if "loop.py" in command:  # the film of the front page, with a tenth of its frames
-        from structlearn.testbeds.scraping.world import scene_still
+        from dissertation.scraping.world import scene_still
         scene_still.FRAMES_PER_S /= 10
-    if "report.py" in command:  # figures that nobody looks at: to arrange them takes longer than to draw them
+    if "report" in command:  # figures that nobody looks at: to arrange them takes longer than to draw them
         from structlearn.reporting import figure_style
         figure_style.STYLE |= {"figure.constrained_layout.use": False, "axes.titley": 1.0}
-    if "touch.py" in command:  # a quarter of the presses for the constants of Gaussian processes
+    if "stages.learn" in command:  # a quarter of the presses for the constants of Gaussian processes
         from structlearn.tasks.touch import skin_readings
         skin_readings.TUNING_SAMPLES = 100
-    runpy.run_path(sys.argv[0], run_name="__main__")
+    if sys.argv[0] == "-m":
+        del sys.argv[0]
+        runpy.run_module(sys.argv[0], run_name="__main__", alter_sys=True)
+    else:
+        runpy.run_path(sys.argv[0], run_name="__main__")
 """
 
 

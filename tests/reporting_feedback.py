@@ -8,16 +8,16 @@ import pandas as pd
 from conftest import minimum_jerk
 from reporting_scraping import DT, grid
 
+from dissertation.evidence.studies import OURS, Study
+from dissertation.scraping.protocol.feedback_models import REPRESENTATIONS, STOPPINGS, paired_orderings
+from dissertation.scraping.world.demonstrator import FLAT_ORIENTATION
 from structlearn.core import quaternion
 from structlearn.feedback.coupling_dataset import CouplingDataset
 from structlearn.feedback.coupling_targets import learn_expected
-from structlearn.feedback.feedback_models import REPRESENTATIONS, STOPPINGS, paired_orderings
 from structlearn.feedback.models.pmnn import PhaseModulatedNetwork
 from structlearn.primitives import canonical
 from structlearn.readers.demonstration import Demonstration
-from structlearn.reporting.studies import OURS, Study
 from structlearn.segmentation.segments import commanded_cuts
-from structlearn.testbeds.scraping.world.demonstrator import FLAT_ORIENTATION
 
 PRIMITIVES = ("down", "turn", "scrape")
 ADAPTED = PRIMITIVES[1:]

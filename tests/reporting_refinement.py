@@ -12,13 +12,13 @@ from committed import ROOT, committed
 from reporting_feedback import ADAPTED, SEEN, execution, feedback_stages
 from reporting_scraping import FIT, PARAMETERS, cut_stages, demonstration, grid
 
+from dissertation.scraping.page.stored import Stored
+from dissertation.scraping.protocol.board_refinement import BoardRefinementParameters
+from dissertation.scraping.protocol.execution_scores import AFTER, BEFORE, NOMINAL
+from dissertation.scraping.protocol.sample_efficiency import CMA_ES, PI2
+from dissertation.scraping.world.layout import CONTACT_M
 from structlearn.feedback.coupling_targets import SupervisionParameters
 from structlearn.policy_search.refinement import FEEDBACK, IMPROVED, SAMPLE
-from structlearn.policy_search.sample_efficiency import CMA_ES, PI2
-from structlearn.testbeds.scraping.page.stored import Stored
-from structlearn.testbeds.scraping.protocol.board_refinement import BoardRefinementParameters
-from structlearn.testbeds.scraping.protocol.execution_scores import AFTER, BEFORE, NOMINAL
-from structlearn.testbeds.scraping.world.layout import CONTACT_M
 
 LISTED = runpy.run_path(str(ROOT / "stages/scraping/report.py"))["PARAMETERS"]
 REFINED_DEG = 10.0

@@ -3,8 +3,9 @@
 from collections.abc import Mapping
 from importlib.resources import files
 
-from structlearn.reporting.claims import Evidence, Found, combined, read_claims
+from dissertation.evidence.claims import combined, read_claims
 from structlearn.reporting.document import Panel
+from structlearn.reporting.evidence import Evidence, Found
 
 
 def cases(package: str, found: Mapping[str, Found], file: str = "claims.yaml") -> dict[str, dict[str, str]]:

@@ -9,10 +9,11 @@ import numpy as np
 import pinocchio
 import pybullet_data
 
+from dissertation.simulation.arm import Payload
 from structlearn.rigid_body.friction import friction_columns
 from structlearn.rigid_body.motion import Motion
-from structlearn.rigid_body.tree import KinematicTree, LinkInertias, Robot, configuration, read_urdf
-from structlearn.simulation.arm import Payload
+from structlearn.rigid_body.robot import Robot, configuration, read_urdf
+from structlearn.rigid_body.tree import KinematicTree, LinkInertias
 
 FINGERS = ("panda_finger_joint1", "panda_finger_joint2")
 
@@ -137,7 +138,7 @@ def sine_motion(arm: Robot, samples: int = 1200, dt: float = 0.02) -> Motion:
     return Motion(*states, pinocchio_torques(arm, *states))
 
 
-def rubbing_motion(arm: Robot) -> Motion:
+def motion_with_friction(arm: Robot) -> Motion:
     """The same with viscous and Coulomb friction in every joint."""
     motion = sine_motion(arm)
     friction = friction_columns(motion.q, motion.qd, ("viscous", "coulomb")) @ [VISCOUS, COULOMB]

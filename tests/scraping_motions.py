@@ -4,6 +4,14 @@ import numpy as np
 from committed import committed
 from primitives_movements import ramp
 
+from dissertation.scraping.world.demonstrator import (
+    CONTACT_M,
+    DemonstratorParameters,
+    as_meant,
+    intended_movements,
+    orientation_of,
+)
+from dissertation.scraping.world.execution import Conditions, ControlParameters, Reference
 from structlearn.core import quaternion
 from structlearn.feedback.models.pmnn import PhaseModulatedNetwork
 from structlearn.feedback.skill import ReactiveSkill, on_axis
@@ -12,14 +20,6 @@ from structlearn.primitives.position import fit_position
 from structlearn.primitives.sequence import PosePrimitive
 from structlearn.primitives.trajectory import OrientationTrajectory, Trajectory
 from structlearn.primitives.vector import fit_expected_traces
-from structlearn.testbeds.scraping.world.demonstrator import (
-    CONTACT_M,
-    DemonstratorParameters,
-    as_meant,
-    intended_movements,
-    orientation_of,
-)
-from structlearn.testbeds.scraping.world.execution import Conditions, ControlParameters, Reference
 
 NAMES = ("down", "turn", "scrape")
 DURATIONS_S = (0.6, 1.0, 0.8)

@@ -1,35 +1,45 @@
 """Imports run downwards only, big libraries stay in their rooms, stages depend on their code and data."""
 
 import ast
-import runpy
 import subprocess
 import sys
-from collections.abc import Callable, Iterable
 from functools import cache
 from pathlib import Path
 
 import pytest
 from committed import ROOT, read_yaml
+from import_graph import closure, code_of, imported, modules, named
 
-from structlearn.core.source_closure import SourceTree
-from structlearn.reporting.claims import QUOTED
+from dissertation.evidence.claims import QUOTED
 
-PACKAGE = ROOT / "src" / "structlearn"
-FLOORS = (
-    ("core",),
-    ("networks", "readers"),
-    ("primitives", "rigid_body", "tactile"),
-    ("segmentation", "feedback"),
-    ("policy_search", "avoidance"),
-    ("simulation",),
-    ("reporting", "viewer"),
-    ("testbeds", "tasks"),
-)
-PROGRAMS = {path.stem for path in PACKAGE.glob("*.py") if "__main__" in path.read_text()}
-"""That a user calls, e.g. `python -m structlearn.verify`."""
+LIBRARY, REPRODUCTION = "structlearn", "dissertation"
+SOURCES = ROOT / "src"
+FLOORS = {
+    LIBRARY: (
+        ("core", "palette"),
+        ("networks", "readers"),
+        ("primitives", "rigid_body", "tactile"),
+        ("segmentation", "feedback"),
+        ("policy_search", "avoidance"),
+        ("reporting", "viewer"),
+        ("tasks", "verify"),
+        ("command",),
+        ("__main__",),
+    ),
+    REPRODUCTION: (
+        ("simulation", "evidence"),
+        ("scraping", "obstacles", "dynamics", "servoing", "recorded"),
+    ),
+}
+"""Packages of each house from the ground floor up; the reproduction stands on the library's."""
+
+TESTBEDS = ("scraping", "obstacles", "dynamics", "servoing")
+PARTS = ("world", "protocol", "page", "recordings")
+KIND = ("parameters", "recordings", "learning", "page", "view")
+"""Modules of a kind of tasks, see `structlearn.tasks.kinds`."""
 
 ROOMS = {
-    "rerun": ("viewer", "views", "view"),
+    "rerun": ("viewer", "recordings", "view"),
     "matplotlib": ("reporting", "page", "section", "figures"),
     "pybullet": ("simulation", "world"),
     "pinocchio": ("simulation", "world", "rigid_body", "readers"),
@@ -60,56 +70,15 @@ STARTS = {
 COPIED = {"claims.csv": "tables/claims.csv", "metrics.json": "metrics.json", "findings.csv": "findings.csv"}
 """What `make recorded` puts aside of the report on recorded data."""
 
-PIPELINES = ("dvc.yaml", "stages/tasks/dvc.yaml", "stages/studies/dvc.yaml")
-LISTED = [read_yaml(ROOT / pipeline)["stages"] for pipeline in PIPELINES]
-CODE = {stages["code"]["cmd"].split()[2]: stages.pop("code") for stages in LISTED}
-"""The stages that list the code of all others, by pipeline."""
-
-scripts: Callable[[str], Iterable[Path]] = runpy.run_path(str(ROOT / "stages/list_code.py"))["scripts"]
-
-STAGES = {
-    stage["cmd"].split()[1]: stage
-    for stages in LISTED
-    for listed in stages.values()
-    for stage in [listed.get("do", listed)]
-}
-"""Of all pipelines by their scripts: some names stand in several. Those of your own tasks are one for all."""
-
-
-@cache
-def imported(path: Path) -> frozenset[str]:
-    """Every name that a file imports, at its top or inside its functions; `package.name` for each name."""
-    return named(ast.walk(ast.parse(path.read_text())))
+PIPELINE = read_yaml(ROOT / "dvc.yaml")["stages"]
+SCRIPTS = {stage["cmd"].split()[1]: stage for stage in PIPELINE.values()}
+"""Stages of the pipeline by their scripts."""
 
 
 @cache
 def at_start(path: Path) -> frozenset[str]:
     """What importing a file imports: outside functions, and not for type checkers."""
-    return named(ast.parse(path.read_text()).body)
-
-
-def named(nodes: Iterable[ast.AST]) -> frozenset[str]:
-    """Names that statements import."""
-    names = set()
-    for node in nodes:
-        if isinstance(node, ast.Import):
-            names |= {alias.name for alias in node.names}
-        elif isinstance(node, ast.ImportFrom):
-            names |= {node.module} | {f"{node.module}.{alias.name}" for alias in node.names}
-    return frozenset(names)
-
-
-def modules() -> dict[Path, frozenset[str]]:
-    """Every module of the package, relative to it, with the names that it imports."""
-    return {path.relative_to(PACKAGE): imported(path) for path in sorted(PACKAGE.rglob("*.py"))}
-
-
-@cache
-def files(name: str) -> list[Path]:
-    """The project's files that importing a dotted name runs: the module, and the packages above it."""
-    parts = name.split(".")
-    above = [ROOT.joinpath("src", *parts[:depth], "__init__.py") for depth in range(1, len(parts) + 1)]
-    return [file for file in (*above, ROOT.joinpath("src", *parts).with_suffix(".py")) if file.is_file()]
+    return frozenset(named(ast.parse(path.read_text()).body))
 
 
 def loaded_at_start(script: Path) -> set[Path]:
@@ -122,99 +91,137 @@ def loaded_at_start(script: Path) -> set[Path]:
     return found
 
 
-def floor(room: str) -> int:
-    """Height of a package; of the modules beside the packages, programs stand above all, others below."""
-    beside = len(FLOORS) + (room == "command") if room in PROGRAMS else 0  # `structlearn inspect` runs one
-    return next((height for height, rooms in enumerate(FLOORS) if room in rooms), beside)
+@cache
+def files(name: str) -> list[Path]:
+    """The project's files that importing a dotted name runs: the module, and the packages above it."""
+    parts = name.split(".")
+    above = [SOURCES.joinpath(*parts[:depth], "__init__.py") for depth in range(1, len(parts) + 1)]
+    return [file for file in (*above, SOURCES.joinpath(*parts).with_suffix(".py")) if file.is_file()]
+
+
+@cache
+def names_in(path: Path) -> set[str]:
+    """All names that a file imports."""
+    return set(named(ast.walk(ast.parse(path.read_text()))))
+
+
+def floor(module: str) -> int:
+    """Height of the package that a module is in."""
+    house, room = module.split(".")[:2]
+    return next(height for height, rooms in enumerate(FLOORS[house]) if room in rooms)
 
 
 def test_imports_run_downwards():
-    for path, names in modules().items():
-        room = path.parts[0] if len(path.parts) > 1 else path.stem.strip("_")
-        for name in names:
-            parts = name.split(".")
-            if parts[0] == "structlearn" and len(parts) > 1 and floor(parts[1]) > 0:
-                same = parts[1] == room
-                assert same or floor(parts[1]) < floor(room), f"{path} imports {name}"
+    for module, path in modules().items():
+        for other in imported(path):
+            if "." not in module or "." not in other:
+                continue
+            house, room = module.split(".")[:2]
+            if other.startswith(f"{REPRODUCTION}."):
+                assert house == REPRODUCTION, f"the library imports the reproduction: {module}, {other}"
+            if other.split(".")[0] == house and other.split(".")[1] != room:
+                assert floor(other) < floor(module), f"{module} imports {other}"
 
 
 def test_no_testbed_imports_another_and_computing_knows_nothing_of_pages_and_recordings():
-    for path, names in modules().items():
+    for module, path in modules().items():
+        names, (house, *rooms) = names_in(path), module.split(".")
         assert not {"pickle", "torch.save"} & names, path
-        if path.parts[0] == "testbeds" and len(path.parts) > 2:
-            others = {name.split(".")[2] for name in names if name.startswith("structlearn.testbeds.")}
-            assert others <= {path.parts[1]}, f"{path} imports another testbed"
-        if {"world", "protocol"} & set(path.parts):
-            shown = {"page", "recordings", "views"}
-            assert not any(shown & set(name.split(".")[3:4]) for name in names if "testbeds" in name), path
+        if house == REPRODUCTION and rooms[:1] and rooms[0] in TESTBEDS:
+            others = {one.split(".")[1] for one in imported(path) if one.startswith(f"{house}.")}
+            assert not others & (set(TESTBEDS) - {rooms[0]}), f"{path} imports another testbed"
+            parts = {one.split(".")[2] for one in imported(path) if one.startswith(f"{house}.{rooms[0]}.")}
+            if rooms[1:2] in (["world"], ["protocol"]):
+                assert not parts & {"page", "recordings"}, path
+
+
+def test_pages_and_recordings_are_imported_by_show_stages_alone():
+    for script in SCRIPTS:
+        shown = {module.split(".")[2] for module in closure(ROOT / script) if module.count(".") > 2}
+        if Path(script).stem not in ("report", "view", "loop"):
+            assert not shown & {"page", "recordings"}, script
+
+
+def importing(module: str) -> set[str]:
+    """Modules that a module imports, also by way of others; what is looked up by name aside."""
+    found: set[str] = set()
+    waiting = set(imported(modules()[module]))
+    while waiting:
+        found |= waiting
+        waiting = {other for one in waiting for other in imported(modules()[one])} - found
+    return found
+
+
+def test_no_module_imports_itself_by_way_of_others():
+    """Also for type checkers or inside functions."""
+    assert {module for module in modules() if module in importing(module)} == set()
 
 
 def test_big_libraries_stay_in_their_rooms():
-    for path, names in modules().items():
+    for path in modules().values():
         for library, rooms in ROOMS.items():
-            if any(name.split(".")[0] == library for name in names):
-                room = {*path.parts, path.stem.rpartition("_")[2]}  # of tasks, by the end of the name
+            if any(name.split(".")[0] == library for name in names_in(path)):
+                room = {*path.relative_to(SOURCES).parts, path.stem, path.stem.rpartition("_")[2]}
                 assert set(rooms) & room, f"{path} imports {library}"
 
 
 def test_a_module_name_means_one_thing():
-    """Modules of one name are the same part of different testbeds."""
+    """Modules of one name are the same part of different testbeds, or of kinds of tasks."""
     places: dict[str, list[Path]] = {}
-    for path in modules():
-        if path.name not in ("__init__.py", "findings.py"):  # of a page, and the kit for them in `reporting`
-            places.setdefault(path.name, []).append(path)
+    for path in modules().values():
+        trains = path.is_relative_to(SOURCES / LIBRARY / "feedback/training")  # the network of the same name
+        stage = path.is_relative_to(SOURCES / LIBRARY / "tasks/stages")  # named after what it makes
+        if path.name not in ("__init__.py", "findings.py", "claims.py") and not trains and not stage:
+            places.setdefault(path.name, []).append(path.relative_to(SOURCES))
     for paths in places.values():
-        parts = {
-            ("testbeds", *path.parts[2:]) if path.parts[0] == "testbeds" else path.parts for path in paths
-        }
-        assert len(parts) == 1, paths
+        kinds = [path for path in paths if path.parts[1] in ("tasks", "recorded") and path.stem in KIND]
+        others = {*paths} - ({*kinds} if paths[0].stem in KIND else set())
+        parts = {("testbed", *path.parts[2:]) if path.parts[1] in TESTBEDS else path.parts for path in others}
+        assert len(parts) <= 1, paths
 
 
-@pytest.mark.parametrize("name", STAGES)
-def test_a_stage_depends_on_its_script_and_on_its_list_of_code(name):
-    place = Path(name).relative_to("stages").with_suffix(".txt")
-    lists = ("data/code" if place.parts[0] in ("tasks", "studies") else "data/code/main") / place
-    deps = STAGES[name]["deps"]
-    assert deps[:2] == [name, lists.as_posix()]
-    beside = [dep for dep in deps[2:] if dep.startswith(("src/", "stages/"))]
-    # what pages read beside their code: words, and claims about public sets
-    read = {"stages/report.py": ["stages/report.yaml"], "stages/tasks/report.py": ["stages/tasks/claims"]}
-    read["stages/studies/cell.py"] = ["stages/scraping"]  # the last of the studies: whose stages it runs
-    assert beside == read.get(name, [])
+def code_deps(script: str) -> set[str]:
+    """The script of a stage, and the package folders that it uses, a testbed's part by part."""
+    used = code_of(ROOT / script)
+    parts = {path for path in code_of(ROOT / script, depth=3) if path.parts[1] in TESTBEDS}
+    whole = {path for path in used if path.parts[1] not in TESTBEDS}
+    return {script, *(f"src/{path.as_posix()}" for path in whole | parts)}
 
 
-def test_the_lists_of_code_have_every_script_and_every_file_of_the_package():
-    """Modules in none are programs that a user calls; of other files there is the type marker."""
-    sources = SourceTree(PACKAGE.parent)
-    found = {script: sources.closure(script) for pipeline in CODE for script in scripts(pipeline)}
-    assert {script.relative_to(ROOT).as_posix() for script in found} == set(STAGES)
-    used = {path for its in found.values() for path in its}
-    files = {
-        path.relative_to(PACKAGE.parent) for path in PACKAGE.rglob("*.*") if "__pycache__" not in path.parts
-    }
-    unused = {path.as_posix() for path in files - used if path.suffix not in (".py", ".pyi")}
-    assert unused == {"structlearn/py.typed"}
+@pytest.mark.parametrize("script", SCRIPTS)
+def test_a_stage_depends_on_its_script_and_on_the_code_that_it_uses(script):
+    """All of it, and no other."""
+    deps = SCRIPTS[script]["deps"]
+    beside = {"stages/report.py": {"stages/report.yaml"}}.get(script, set())  # words of the front page
+    assert deps[0] == script
+    assert {dep for dep in deps if dep.startswith(("src/", "stages/"))} - beside == code_deps(script)
 
 
-def test_the_stages_of_code_depend_on_every_script():
-    for pipeline, stage in CODE.items():
-        deps = [ROOT / dep for dep in stage["deps"]]
-        assert PACKAGE in deps
-        assert all(any(script.is_relative_to(dep) for dep in deps) for script in scripts(pipeline))
-        assert stage["outs"] == [f"data/code/{pipeline}"]
+def test_every_module_is_used():
+    """By a stage, by a command, or by a lab's task."""
+    programs = [path for path in modules().values() if "__main__" in path.read_text()]
+    tasks = [path for path in modules().values() if path.parent.name == "stages" or path.stem in KIND]
+    scripts = [*(ROOT / "stages").rglob("*.py"), *programs, *tasks]
+    used = {module for script in scripts for module in closure(script)}
+    used |= {module for module, path in modules().items() if path in [*programs, *tasks]}
+    used |= {module for module, path in modules().items() if path.name == "__init__.py"}
+    looked_up = (
+        "structlearn.feedback.models.",
+        "structlearn.feedback.training.",
+        "dissertation.recorded.readers.",
+        "structlearn.readers.",
+    )
+    assert {module for module in set(modules()) - used if not module.startswith(looked_up)} == set()
 
 
 def test_every_data_dependency_is_the_output_of_some_stage():
     outputs = {f"reports/studies/{folder.name}" for folder in (ROOT / "reports/studies").iterdir()}
     outputs |= {"params.yaml", *((QUOTED / name).as_posix() for name in COPIED)}
-    public = read_yaml(ROOT / "stages/tasks/public.yaml")
-    for stage in (stage for stages in LISTED for stage in stages.values()):
-        tasks = public[stage["foreach"][2:-1]] if isinstance(stage.get("foreach"), str) else ()
-        for out in [*stage.get("do", stage).get("outs", []), *stage.get("metrics", [])]:
-            path = out if isinstance(out, str) else next(iter(out))
-            outputs |= {path, *(path.replace("${key}", task) for task in tasks)}
-    for stage in STAGES.values():
-        data = {dep for dep in stage["deps"] if not dep.startswith(("src/", "stages/", "data/code/"))}
+    for stage in PIPELINE.values():
+        listed = [*stage.get("outs", []), *stage.get("metrics", [])]
+        outputs |= {out if isinstance(out, str) else next(iter(out)) for out in listed}
+    for stage in PIPELINE.values():
+        data = {dep for dep in stage["deps"] if not dep.startswith(("src/", "stages/"))}
         assert {dep.removesuffix("/claims.csv") if "tables" in dep else dep for dep in data} <= outputs
 
 
@@ -225,14 +232,14 @@ def test_what_is_quoted_of_recorded_data_is_what_its_report_says():
 
 def test_stages_start_without_what_they_do_not_need():
     """Whoever needs a slow library in one function alone imports it there."""
-    for script in (*STAGES, "stages/list_code.py"):
+    for script in SCRIPTS:
         names = {name for file in loaded_at_start(ROOT / script) for name in at_start(file)}
         loaded = {library for library in SLOW for name in names if f"{name}.".startswith(f"{library}.")}
         place = script.removeprefix("stages/").removesuffix(".py")
         allowed = {library for library, its in STARTS.items() if place in its.split()}
         assert loaded <= allowed, f"{script} loads {loaded - allowed}"
     assert "pandas" not in {
-        name for file in loaded_at_start(PACKAGE / "core/stage.py") for name in at_start(file)
+        name for file in loaded_at_start(SOURCES / LIBRARY / "core/stage.py") for name in at_start(file)
     }
 
 
@@ -265,6 +272,6 @@ for face in faces:
 
 
 def test_what_users_import_is_there_and_loads_nothing_before_it_is_used():
-    names = [f"structlearn.{face.parent.name}" for face in sorted(PACKAGE.glob("*/__init__.pyi"))]
+    names = [f"structlearn.{face.parent.name}" for face in sorted((SOURCES / LIBRARY).glob("*/__init__.pyi"))]
     assert len(names) > 5
     subprocess.run([sys.executable, "-c", FACES, *names], check=True)

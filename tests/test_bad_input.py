@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 import yaml
-from committed import ROOT, own_tasks, parameter_tree, run_stages
+from committed import own_tasks, parameter_tree, run_stages
 from feedback_toy import toy_dataset
 from readers_bags import pose_messages, pose_rows, write_bag
 from scraping_motions import CHANNELS, NAMES, scraping_skill, simulated
@@ -18,6 +18,7 @@ from structlearn.feedback.coupling_dataset import to_table
 from structlearn.primitives.primitive_files import write_primitives, write_vector_primitive
 from structlearn.readers import synchronise
 from structlearn.readers.demonstration import write_runs
+from structlearn.tasks.project import STAGES
 
 TOPIC = "/tool"
 
@@ -46,7 +47,9 @@ def complaint(root: Path, stage: str, capsys) -> str:
     """What a stage says when it fails, after checking that it left everything as it was."""
     before = contents()
     with pytest.raises(SystemExit) as exit_:
-        runpy.run_path(str(root / "stages" / stage), run_name="__main__")
+        runpy.run_path(
+            str(STAGES / stage if "/" not in stage else root / "stages" / stage), run_name="__main__"
+        )
     assert exit_.value.code == 1
     assert contents() == before
     lines = [line for line in capsys.readouterr().err.splitlines() if line.startswith("error:")]
@@ -103,10 +106,10 @@ def cut_off_dataset() -> None:
 def at_rest() -> None:
     """Demonstrations that cannot be cut."""
     write_bag(BAG, pose_messages(clock(), np.tile(pose_rows(1), (400, 1)), TOPIC))
-    run_stages(ROOT, "task", "import_task")
+    run_stages("task", "import_task")
 
 
-IMPORT, COUPLING = "tasks/import_task.py", "scraping/coupling_dataset.py"
+IMPORT, COUPLING = "import_task.py", "scraping/coupling_dataset.py"
 MISSPELT, NOMINAL = parameter_tree({"segment": {"extention_s": 0.2}}), "data/runs/scraping/nominal.parquet"
 CASES = {
     "truncated": (lambda: faulty(kept=0.5), IMPORT, str(BAG)),
@@ -119,7 +122,7 @@ CASES = {
     "artefact": (
         lambda: touchless(NOMINAL), "scraping/fit_primitives.py", "scraping/cuts.parquet: no such file"
     ),
-    "at rest": (at_rest, "tasks/segment.py", "one: primitive 'down': its speed never exceeds"),
+    "at rest": (at_rest, "segment.py", "one: primitive 'down': its speed never exceeds"),
     "corrections": (skill_alone, COUPLING, "corrections: no such folder; run the stage that writes it"),
     "touch": (without_touch, COUPLING, "error: 01: has no tactile stream, which feedback is learned from"),
     "dataset": (cut_off_dataset, "scraping/compare_models.py", "turn.parquet: not a readable Parquet file"),

@@ -31,22 +31,23 @@ from reporting_scraping import PARAMETERS, demonstration
 from test_obstacles_page import results as obstacles_results  # noqa: F401 a fixture
 from test_servoing_page import results as servoing_results  # noqa: F401 a fixture
 
-from structlearn.reporting.claims import NO, Claim, Evidence, Found, read_claims
+from dissertation.dynamics.page.findings import findings as dynamics_findings
+from dissertation.dynamics.protocol.trainings import OURS, PUBLISHED
+from dissertation.evidence.claims import NO, Claim, read_claims
+from dissertation.evidence.studies import OURS as STUDIED
+from dissertation.evidence.studies import Study
+from dissertation.obstacles.page.findings import findings as obstacles_findings
+from dissertation.obstacles.page.findings import read_published as obstacles_published
+from dissertation.recorded.calibration.calibration_section import find_calibration
+from dissertation.recorded.coupling.page import representation_findings
+from dissertation.scraping.page import findings as scraping
+from dissertation.scraping.page.findings import ScrapingPeople
+from dissertation.servoing.page import findings as servoing_findings
+from structlearn.reporting.evidence import Evidence, Found
 from structlearn.reporting.findings import Findings
-from structlearn.reporting.studies import OURS as STUDIED
-from structlearn.reporting.studies import Study
 from structlearn.segmentation.cut_errors import downsampling_effect
 from structlearn.tasks.motion.motion_results import MotionResults, motion_findings
-from structlearn.tasks.obstacles.representations_section import representation_findings
-from structlearn.tasks.obstacles.scene_section import SceneWays, scene_findings
-from structlearn.tasks.touch.calibration_section import find_calibration
-from structlearn.testbeds.dynamics.page.findings import findings as dynamics_findings
-from structlearn.testbeds.dynamics.protocol.trainings import OURS, PUBLISHED
-from structlearn.testbeds.obstacles.page.findings import findings as obstacles_findings
-from structlearn.testbeds.obstacles.page.findings import read_published as obstacles_published
-from structlearn.testbeds.scraping.page import findings as scraping
-from structlearn.testbeds.scraping.page.findings import ScrapingPeople
-from structlearn.testbeds.servoing.page import findings as servoing_findings
+from structlearn.tasks.obstacles.page import SceneWays, scene_findings
 
 KNOWN = re.compile(
     r"time_s|since_s|start_s|end_s|phase|fraction|noise_mm|setting_deg|tilt|factor|quoted|truth|true_.*|.*frequency.*"
@@ -151,11 +152,11 @@ FEWER_DRAWS = 100  # of blocks, for intervals
 
 
 def of_package(name: str, file: str = "claims.yaml") -> list[Claim]:
-    return read_claims(files(f"structlearn.{name}") / file)
+    return read_claims(files(f"dissertation.{name}") / file)
 
 
 def of_task(name: str) -> list[Claim]:
-    return read_claims(ROOT / f"stages/tasks/claims/{name}.yaml")
+    return read_claims(ROOT / f"src/dissertation/recorded/claims/{name}.yaml")
 
 
 def motion_page(name: str) -> Page:
@@ -168,22 +169,20 @@ def motion_page(name: str) -> Page:
     )
 
 
-SCRAPING = "testbeds.scraping.page"
+SCRAPING = "scraping.page"
 FEEDBACK_TABLES, REFINEMENT_TABLES = (stages()[1].keys() for stages in (feedback_stages, refinement_stages))
 MADE_UP = {
     "boxes": (test_tasks_obstacles.made_up_ways, lambda its: scene_findings(SceneWays(its))),
     "avoidance": (test_tasks_obstacles.made_up_scores, representation_findings),
 } | {name: (made, test_touch_page.FIND[name]) for name, made in test_touch_page.MADE_UP.items()}
 PAGES = {
-    "dynamics": Page(of_package("testbeds.dynamics.page"), lambda get: dynamics(), dynamics_findings),
+    "dynamics": Page(of_package("dynamics.page"), lambda get: dynamics(), dynamics_findings),
     "obstacles": Page(
-        of_package("testbeds.obstacles.page"),
+        of_package("obstacles.page"),
         lambda get: [get("obstacles_results")],
         partial(obstacles_findings, published=obstacles_published()),
     ),
-    "servoing": Page(
-        of_package("testbeds.servoing.page"), lambda get: servoing(get("servoing_results")), over_people
-    ),
+    "servoing": Page(of_package("servoing.page"), lambda get: servoing(get("servoing_results")), over_people),
     "segmentation": Page(
         of_package(SCRAPING, "segmentation_claims.yaml"),
         lambda get: [stored()],
@@ -204,7 +203,7 @@ PAGES = {
         chosen=lambda place: place.removeprefix("tables.") in REFINEMENT_TABLES,
     ),
     "calibration": Page(
-        of_package("tasks.touch", "calibration_claims.yaml"),
+        of_package("recorded.calibration", "calibration_claims.yaml"),
         lambda get: [test_touch_page.calibrated(1.0)],
         find_calibration,
         chosen=lambda place: place == "comparison",

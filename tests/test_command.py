@@ -7,15 +7,19 @@ from pathlib import Path
 
 import pytest
 import yaml
+from committed import ROOT, SETS
 from dvc.utils.serialize import parse_yaml
 from hypothesis import assume, given
 from hypothesis import strategies as st
+from import_graph import SOURCES, packages
 
+from dissertation.recorded import sets_project as recorded
+from dissertation.simulation.pick_and_place import takes, write_takes
 from structlearn import __version__, command
+from structlearn.core import code_digests
 from structlearn.core.params import read_values
 from structlearn.tasks import project
-from structlearn.tasks.pick_and_place_world import takes, write_takes
-from structlearn.tasks.task_entry import read_task, targets
+from structlearn.tasks.task_entry import read_entries, read_task, targets
 from structlearn.tasks.task_files import is_name
 
 FRAME_RATES = ("-5", "0", "201", "2000000000")
@@ -40,21 +44,9 @@ def test_a_new_project_has_an_entry_a_pipeline_and_a_repository_of_its_own(lab, 
     task = read_task("pour")
     assert (task.source, task.topics.pose, len(task.segment.primitives)) == (str(bags), "/gripper/pose", 3)
     stages = [*("import_movement", "segment", "primitives", "feedback", "skill", "check"), "report_movement"]
-    assert targets("structlearn.yaml") == [f"dvc.yaml:{stage}@pour" for stage in [*stages, "view_movement"]]
+    assert targets() == [f"{stage}@pour" for stage in [*stages, "view_movement"]]
     assert (lab / ".dvc/config").exists()
     assert "/data/tasks" in (lab / ".gitignore").read_text()
-
-
-def test_its_pipeline_is_that_of_a_clone_and_names_no_file_of_one(lab, root):
-    clone = read_values(root / "stages/tasks/dvc.yaml")["stages"]
-    mine = yaml.safe_load((lab / "dvc.yaml").read_text())["stages"]
-    assert set(mine) - {"code"} == set(clone) - set(project.FOR_CLONES)
-    for name, stage in mine.items():
-        if name != "code":
-            module = stage["do"]["cmd"].removeprefix("python -m structlearn.tasks.stages.")
-            assert (project.PACKAGED / f"{module}.py").exists()
-            assert stage["do"]["outs"] == clone[name]["do"]["outs"]
-            assert not any(str(path).startswith(("stages", "params.yaml")) for path in stage["do"]["deps"])
 
 
 def test_its_stages_run_from_the_package(lab, monkeypatch):
@@ -64,10 +56,74 @@ def test_its_stages_run_from_the_package(lab, monkeypatch):
         monkeypatch.setenv("DVC_STAGE", f"dvc.yaml:{stage}@pour")
         runpy.run_module(f"structlearn.tasks.stages.{stage}", run_name="__main__", alter_sys=True)
     assert Path("data/tasks/pour/segments/metrics.json").exists()
-    project.list_code()
-    listed = Path("data/code/tasks/segment.txt").read_text()
-    assert "structlearn/segmentation/alignment.py" in listed
-    assert "own.yaml" not in listed
+
+
+def test_an_update_of_the_package_changes_the_digest_of_its_folder_alone(tmp_path, monkeypatch):
+    library = tmp_path / "structlearn"
+    for folder in ("", "core", "tasks", "tasks/stages"):
+        (library / folder).mkdir()
+        (library / folder / "__init__.py").touch()
+    for file in ("core/made.py", "tasks/page.jinja", "tasks/stages/params.yaml"):
+        (library / file).touch()
+    monkeypatch.setattr(code_digests, "LIBRARY", library)
+    before = dict(code_digests.code_digests([library]))
+    assert list(before) == ["structlearn", "core", "tasks", "tasks_stages"]
+    for file, changed in (("tasks/page.jinja", {"tasks"}), ("tasks/stages/params.yaml", set())):
+        (library / file).write_text("changed")
+        now = dict(code_digests.code_digests([library]))
+        assert {name for name in now if now[name] != before[name]} == changed
+        before = now
+
+
+def parts(name: str) -> list[str]:
+    """Modules of its kind that a stage over tasks runs."""
+    kind = name.rpartition("_")[2]
+    if name.startswith("report_"):
+        return [f"{kind}.page", f"{kind}.parameters"]
+    return [f"{kind}.view" if name.startswith("view_") else f"{kind}.learning"]
+
+
+@pytest.mark.parametrize("home", [project.packaged_pipeline, (SETS / "pipeline.yaml").read_text])
+def test_stages_depend_on_the_packages_that_they_import(home):
+    stages = yaml.safe_load(home())["stages"]
+    for name, stage in stages.items():
+        stage = stage.get("do", stage)
+        script = (
+            stage["cmd"]
+            .removeprefix("python ")
+            .removeprefix("../../")
+            .removeprefix("-m structlearn.tasks.stages.")
+        )
+        files = [ROOT / script if script.endswith(".py") else project.STAGES / f"{script}.py"]
+        kinds = SETS if home is not project.packaged_pipeline else project.STAGES.parent
+        if files[0].stem in ("learn", "report", "view"):
+            files += [kinds / f"{part.replace('.', '/')}.py" for part in parts(name)]
+        if stage.get("always_changed"):
+            continue
+        houses = (code_digests.LIBRARY, SOURCES / "dissertation")
+        used = {
+            code_digests.code_key(one, house)
+            for one in packages(*files)
+            for house in houses
+            if one.is_relative_to(house)
+        }
+        params = {file: keys for one in stage["params"] for file, keys in one.items()}
+        assert sorted(used) == sorted(params[".structlearn.yaml"]), name
+
+
+def test_every_public_set_has_its_stages(monkeypatch, tmp_path):
+    monkeypatch.chdir(tmp_path)
+    project.write_project(tmp_path, (SETS / "public.yaml").read_text(), recorded.HEADER)
+    Path("dvc.yaml").write_text(yaml.safe_dump(recorded.pipeline(), sort_keys=False))
+    for name, one in read_entries().items():
+        short = one.kind.rpartition(".")[2]
+        asked = targets(name)
+        assert asked[0] == f"import_{short}@{name}"
+        assert f"report_{short}@{name}" in asked
+    stages = read_values("dvc.yaml")["stages"]
+    assert {stage["do"]["cmd"] for name, stage in stages.items() if name.startswith("report_")} == {
+        "python ../../stages/recorded/report.py"
+    }
 
 
 @pytest.mark.parametrize(
@@ -81,14 +137,13 @@ def test_its_stages_run_from_the_package(lab, monkeypatch):
             ["new", "lab/data/grasp", "--from", "there"],
             "lab/data/grasp: is inside of a project; add an entry to",
         ),
-        (["new", "clone/grasp", "--from", "there"], "clone/grasp: is inside of a project; add an entry to"),
         (["run"], "structlearn.yaml: no such file here; `structlearn new` makes a project"),
         (["view", "pour"], "structlearn.yaml: no such file here; `structlearn new` makes a project"),
     ],
 )
 def test_what_cannot_be_done_is_one_line(tmp_path, monkeypatch, capsys, words, message):
     monkeypatch.chdir(tmp_path)
-    for file in ("there/file", "lab/structlearn.yaml", "clone/stages/tasks/own.yaml"):
+    for file in ("there/file", "lab/structlearn.yaml"):
         Path(file).parent.mkdir(parents=True)
         Path(file).touch()
     with pytest.raises(SystemExit) as ended:
@@ -97,8 +152,8 @@ def test_what_cannot_be_done_is_one_line(tmp_path, monkeypatch, capsys, words, m
     said = capsys.readouterr().err
     assert said.startswith(f"error: {message}")
     assert said.count("\n") == 1
-    assert {path.name for path in tmp_path.iterdir()} == {"there", "lab", "clone"}
-    assert len(list(tmp_path.rglob("*"))) == 8
+    assert {path.name for path in tmp_path.iterdir()} == {"there", "lab"}
+    assert len(list(tmp_path.rglob("*"))) == 4
 
 
 @pytest.mark.parametrize("words", ["check x", "view x", "export x", "run x", "excite --task x"])
@@ -136,13 +191,13 @@ def test_a_folder_that_cannot_be_written_is_named_before_dvc_starts(lab, monkeyp
 def test_a_command_leaves_the_working_directory_alone(tmp_path, monkeypatch):
     there = []
 
-    def looked_at():
+    def look(given):
+        """Look at the folder while the command runs."""
         there.extend(tmp_path.iterdir())
-        return project.PACKAGED / project.DEFAULTS
 
     monkeypatch.chdir(tmp_path)
     monkeypatch.setattr(sys, "argv", ["bin/structlearn", "defaults"])
-    monkeypatch.setattr(project, "defaults_file", looked_at)
+    monkeypatch.setattr(command, "defaults", look)
     command.main(["defaults"])
     assert not there
 

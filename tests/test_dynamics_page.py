@@ -8,17 +8,17 @@ import reporting_verdicts
 from committed import committed
 from dynamics_tables import SEEDS, dynamics_results, iiwa, payload_table
 
+from dissertation.dynamics import page
+from dissertation.dynamics.names import IDEAL, ROBOT
+from dissertation.dynamics.page import findings as page_findings
+from dissertation.dynamics.page.page import dynamics_page, tables
+from dissertation.dynamics.protocol.trainings import OURS, PUBLISHED
+from dissertation.dynamics.world.joint_logs import PerturbedRobotParameters, perturbed_mechanics
 from structlearn.reporting.document import render
 from structlearn.rigid_body.dynamics_models import DynamicsModels
 from structlearn.rigid_body.inertia_parameters import free_parameters
 from structlearn.rigid_body.model_names import DEFAULT, GROUND_TRUTH, NAMES
 from structlearn.rigid_body.motion import Motion
-from structlearn.testbeds.dynamics import page
-from structlearn.testbeds.dynamics.names import IDEAL, ROBOT
-from structlearn.testbeds.dynamics.page import findings as page_findings
-from structlearn.testbeds.dynamics.page.page import dynamics_page, tables
-from structlearn.testbeds.dynamics.protocol.trainings import OURS, PUBLISHED
-from structlearn.testbeds.dynamics.world.joint_logs import PerturbedRobotParameters, perturbed_mechanics
 
 
 @pytest.fixture(scope="module")
@@ -155,7 +155,7 @@ def test_what_is_known_explains_a_log_made_with_it():
     """A motion whose torques are those of the perturbed robot's links and friction."""
     arm, rng = iiwa(), np.random.default_rng(3)
     mechanics = perturbed_mechanics(
-        arm.tree, arm.inertias, committed(PerturbedRobotParameters, "stand_in"), 3
+        arm.tree, arm.inertias, committed(PerturbedRobotParameters, "perturbed_robot"), 3
     )
     states = [rng.normal(0.0, 1.0, (60, 7)) for _ in range(3)]
     terms = ("viscous", "coulomb")
@@ -166,9 +166,9 @@ def test_what_is_known_explains_a_log_made_with_it():
     truth = DynamicsModels("cov", arm.tree.names, terms, (), state)
     motion = Motion(*states, np.zeros((60, 7)))
     residuals = page_findings.residual_torques(arm, truth, motion, 10.0)
-    speed, rubbing = (residuals[name].to_numpy() for name in ("velocity_rad_s", "friction_n_m"))
-    assert np.all(np.sign(speed) == np.sign(rubbing))
-    measured = (rubbing - residuals["residual_n_m"].to_numpy()).reshape(60, 7)  # links and friction
+    speed, friction = (residuals[name].to_numpy() for name in ("velocity_rad_s", "friction_n_m"))
+    assert np.all(np.sign(speed) == np.sign(friction))
+    measured = (friction - residuals["residual_n_m"].to_numpy()).reshape(60, 7)  # links and friction
     errors = page_findings.known_errors(arm, mechanics, Motion(*states, measured)).set_index("model")["nmse"]
     assert errors[GROUND_TRUTH].max() < 1e-6
     assert errors[DEFAULT].min() > 1e-3

@@ -6,19 +6,19 @@ from committed import committed
 from dynamics_tables import IIWA, iiwa, payload_table, tracking_tables
 from viewer_files import note, values, view_names
 
+from dissertation.dynamics import recordings as views
+from dissertation.dynamics.names import ROBOT
+from dissertation.dynamics.protocol.tracking import tracked_reaches
+from dissertation.dynamics.protocol.trainings import OURS
+from dissertation.dynamics.world.joint_logs import PayloadParameters
+from dissertation.dynamics.world.operational_space import tool_motion
 from structlearn.readers.joint_log import JointLog
 from structlearn.rigid_body.dynamics_models import DynamicsModels
 from structlearn.rigid_body.inertia_parameters import free_parameters
 from structlearn.rigid_body.model_names import DEFAULT
 from structlearn.rigid_body.motion import Motion
-from structlearn.testbeds.dynamics import views
-from structlearn.testbeds.dynamics.names import ROBOT
-from structlearn.testbeds.dynamics.protocol.tracking import tracked_reaches
-from structlearn.testbeds.dynamics.protocol.trainings import OURS
-from structlearn.testbeds.dynamics.world.joint_logs import PayloadParameters
-from structlearn.testbeds.dynamics.world.operational_space import tool_motion
 from structlearn.viewer.arm_meshes import send_arm
-from structlearn.viewer.rrd import recording, time_column
+from structlearn.viewer.rrd import recording
 
 TREE = iiwa().tree
 TOOL_M = (0.0, 0.0, 0.1)
@@ -129,8 +129,7 @@ def test_meshes_of_packages_are_found_beside_the_urdf_and_other_joints_stand_sti
     (tmp_path / "arm.urdf").write_text(f'<robot name="two">{links}{joints}</robot>')
     path = tmp_path / "arm.rrd"
     with recording(path, "Arm") as stream:
-        time = time_column(np.arange(3.0))
-        send_arm(stream, "one", tmp_path / "arm.urdf", ["moves"], time, np.ones((3, 1)))
+        send_arm(stream, "one", tmp_path / "arm.urdf", ["moves"], np.arange(3.0), np.ones((3, 1)))
     assert values(path, "/one/two/visual_geometries/a/visual_0", "Asset3D:blob")
     assert len(values(path, "/one/frames/moves", "Transform3D:quaternion")) == 3
     assert len(values(path, "/one/frames/rests", "Transform3D:quaternion")) == 1

@@ -23,7 +23,7 @@ from structlearn.core.publication import publish
 from structlearn.core.stage import run, stage_parameters
 from structlearn.readers import read_demonstrations, write_recordings
 from structlearn.readers.bag_recording import read_recordings
-from structlearn.readers.source import ClockParameters
+from structlearn.readers.source_parameters import ClockParameters
 
 
 def main():

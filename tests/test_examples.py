@@ -12,10 +12,10 @@ import numpy as np
 import pytest
 from own_skills import pick_skill, slower
 
+from dissertation.simulation.pick_and_place import takes, write_takes
 from structlearn.core.artefacts import write_table
 from structlearn.feedback.skill_file import read_skill, write_skill
 from structlearn.primitives.sequence import default_start, sequence_table, unroll
-from structlearn.tasks.pick_and_place_world import takes, write_takes
 
 ROOT = Path(__file__).parents[1]
 
@@ -39,9 +39,7 @@ def short_skill(tmp_path_factory):
 
 def test_learning_from_bags(tmp_path, monkeypatch, capsys):
     monkeypatch.chdir(tmp_path)
-    (tmp_path / "stages/tasks").mkdir(parents=True)
-    for file in (ROOT / "stages/tasks").glob("*.yaml"):
-        shutil.copy(file, tmp_path / "stages/tasks")
+    shutil.copy(ROOT / "examples/pick.yaml", "structlearn.yaml")
     (tmp_path / "data/example/pick").mkdir(parents=True)
     write_takes(takes(seed=1, moves=3, count=3), tmp_path / "data/example/pick")
     learn = example("learn_from_bags")

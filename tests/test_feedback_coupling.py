@@ -13,8 +13,9 @@ from structlearn.core.errors import InputError
 from structlearn.feedback.corrected_paths import corrected_paths, coupling_response, split, unrolled_error
 from structlearn.feedback.coupling import orientation_target, position_target
 from structlearn.feedback.coupling_dataset import CouplingDataset, concatenated
-from structlearn.feedback.coupling_model import UnrolledTrainingParameters
-from structlearn.feedback.stacked_pmnn import StackedPhaseModulatedNetworks, train_unrolled
+from structlearn.feedback.models.ffnn import FeedForwardNetwork
+from structlearn.feedback.trainers import UnrolledTrainingParameters
+from structlearn.feedback.training.pmnn import StackedPhaseModulatedNetworks, train_unrolled
 from structlearn.primitives import canonical, transformation
 from structlearn.primitives.orientation import fit_quaternion
 from structlearn.primitives.trajectory import OrientationTrajectory
@@ -238,3 +239,10 @@ def test_without_any_correction_there_is_nothing_to_learn():
     idle = dataclasses.replace(paths, target=nothing, correction=nothing)
     with pytest.raises(InputError, match="nothing was corrected"):
         train_unrolled(idle, idle, untrained(paths), QUICK)
+
+
+def test_only_the_phase_modulated_network_is_trained_in_the_unroll():
+    paths, zeros = random_paths(), np.zeros((1, 38))
+    other = FeedForwardNetwork(zeros[0], np.ones(38), ((zeros, np.zeros(1)),))
+    with pytest.raises(InputError, match="only the PMNN can be trained in the unroll, not a FeedForward"):
+        train_unrolled(paths, paths, other, QUICK)

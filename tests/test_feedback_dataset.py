@@ -5,6 +5,7 @@ import pytest
 from feedback_toy import toy_dataset
 from readers_bags import make_recording
 
+from dissertation.scraping.files import read_datasets, read_expected, read_settings
 from structlearn.core import artefacts
 from structlearn.core.artefacts import write_table
 from structlearn.core.errors import InputError
@@ -12,7 +13,6 @@ from structlearn.feedback import coupling_dataset
 from structlearn.feedback.coupling_dataset import leave_one_out, to_table, without_generalization
 from structlearn.readers import synchronise
 from structlearn.readers.demonstration import write_runs
-from structlearn.testbeds.scraping.files import read_datasets, read_expected, read_settings
 
 
 def test_axes_of_one_primitive_share_a_table(tmp_path):

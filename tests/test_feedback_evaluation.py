@@ -6,6 +6,7 @@ from feedback_skills import random_network
 from hypothesis import given
 from hypothesis import strategies as st
 
+from dissertation.scraping.protocol import execution_scores
 from structlearn.core import quaternion
 from structlearn.core.errors import InputError
 from structlearn.core.metrics import mean_interval
@@ -13,7 +14,6 @@ from structlearn.feedback.coupling_targets import SupervisionParameters, execute
 from structlearn.primitives import canonical
 from structlearn.primitives.vector import fit_expected_traces
 from structlearn.readers.demonstration import Demonstration
-from structlearn.testbeds.scraping.protocol import execution_scores
 
 RATE_HZ = 100.0
 SEGMENTS = np.array([[0.0, 0.5], [0.5, 2.5], [2.5, 5.0]])

@@ -7,17 +7,16 @@ from committed import committed
 from feedback_skills import random_network
 from feedback_toy import toy_dataset
 
-from structlearn.feedback import feedback_models
+from dissertation.scraping.protocol import feedback_models
+from dissertation.scraping.protocol.feedback_models import FinalModelParameters, train_models
 from structlearn.feedback.corrected_paths import SAMPLES, corrected_paths, path_errors, unrolled_error
 from structlearn.feedback.coupling_dataset import leave_one_out
-from structlearn.feedback.coupling_model import TrainingParameters, UnrolledTrainingParameters, train_final
-from structlearn.feedback.feedback_models import FeedbackParameters, train_models
-from structlearn.feedback.models.autoencoded import autoencoder
-from structlearn.feedback.models.pca import principal_components
-from structlearn.feedback.models.pmnn import PhaseModulatedNetwork
+from structlearn.feedback.trainers import TrainingParameters, UnrolledTrainingParameters, train_final
+from structlearn.feedback.training.autoencoded import autoencoder
+from structlearn.feedback.training.pca import principal_components
 from structlearn.primitives import canonical
 
-FEW = FeedbackParameters(
+FEW = FinalModelParameters(
     network="pmnn",
     hidden=(8,),
     pointwise=committed(TrainingParameters, "compare_models", steps=200, evaluate_every=100, seed=1),
@@ -45,7 +44,7 @@ def trained(datasets, level):
 
 
 def test_the_pointwise_model_is_that_of_all_demonstrations(trained, datasets):
-    alone = train_final(PhaseModulatedNetwork, datasets["turn"], FEW.pointwise, FEW.hidden)
+    alone = train_final("pmnn", datasets["turn"], FEW.pointwise, FEW.hidden)
     for name, array in dict(trained["pointwise"])["turn"].arrays().items():
         np.testing.assert_array_equal(array, alone.arrays()[name])
 
@@ -177,5 +176,5 @@ def test_encoders_that_are_folded_into_a_network_give_it_their_code():
         network = random_network(np.random.default_rng(0), 3, ())
         phase = canonical.phase(np.linspace(0.1, 0.9, ROWS), 2.0)
         scale = np.full(38, encoder.scale)
-        found = network.behind(encoder.mean, scale, encoder.layers).coupling(deviation, *phase)
+        found = network.compose_encoder(encoder.mean, scale, encoder.layers).coupling(deviation, *phase)
         np.testing.assert_allclose(found, network.coupling(encoder.code, *phase), atol=1e-4, rtol=1e-4)

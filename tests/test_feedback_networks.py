@@ -8,21 +8,21 @@ from committed import committed
 from feedback_skills import random_skill
 from feedback_toy import toy_dataset
 
+from dissertation.scraping.protocol.feedback_models import NETWORKS
+from structlearn.core.compiled_calls import kernel
 from structlearn.core.errors import InputError
 from structlearn.feedback.coupling_dataset import leave_one_out
 from structlearn.feedback.coupling_model import (
     Compiled,
     CouplingModel,
-    Trained,
-    TrainingParameters,
-    kernel,
     named_model,
     read_networks,
     write_networks,
 )
-from structlearn.feedback.feedback_models import NETWORKS
 from structlearn.feedback.runtime import Controller
-from structlearn.feedback.skill import Limits
+from structlearn.feedback.skill import Limits, Workspace
+from structlearn.feedback.skill_file import read_skill, write_skill
+from structlearn.feedback.trainers import TrainingParameters, named_trainer
 from structlearn.primitives import canonical
 
 QUICK = committed(TrainingParameters, "compare_models", steps=40, evaluate_every=20, batch_size=16)
@@ -34,7 +34,7 @@ OWN = {"linear_feedback": ("linear_feedback", ())}
 @pytest.fixture(scope="module", params=NETWORKS | OWN)
 def trained(request, example_networks):
     module, hidden = (NETWORKS | OWN)[request.param]
-    return named_model(module).train(JOBS, QUICK, hidden)
+    return named_trainer(module)(JOBS, QUICK, hidden)
 
 
 def test_each_job_has_a_network_for_each_stopping(trained):
@@ -42,7 +42,7 @@ def test_each_job_has_a_network_for_each_stopping(trained):
         assert set(one.models) == set(one.steps) == {"validation", "generalization"}
         for model in one.models.values():
             assert model.inputs == DATA.deviation.shape[1]
-            assert model.fault() == ""
+            assert model.validation_error() == ""
             assert np.ptp(model.coupling(DATA.deviation, DATA.phase, DATA.phase_velocity)) > 0.0
 
 
@@ -53,6 +53,18 @@ def test_a_stored_network_is_the_same_bit_for_bit(trained, tmp_path):
         seen = DATA.deviation, DATA.phase, DATA.phase_velocity
         np.testing.assert_array_equal(found.coupling(*seen), network.coupling(*seen))
         assert named_model(type(network).__module__.rpartition(".")[2]) is type(network) is type(found)
+
+
+def test_a_skill_holds_it(trained, tmp_path):
+    """By the name of its module, without the code that trained it."""
+    network = trained[0].models["validation"]
+    skill = random_skill(np.random.default_rng(0), {"tilt": {"rx": network}})
+    corners = np.full(3, -1.0), np.full(3, 1.0)
+    write_skill(replace(skill, workspace=Workspace(*corners)), tmp_path / "s.safetensors", {})
+    again = read_skill(tmp_path / "s.safetensors").networks["tilt"]["rx"]
+    assert type(again) is type(network)
+    for name, array in network.arrays().items():
+        np.testing.assert_array_equal(again.arrays()[name], array)
 
 
 @kernel
@@ -68,11 +80,7 @@ class Leaky(CouplingModel):
     share: np.ndarray
     kernel, inputs = remembered, 6
 
-    @classmethod
-    def train(cls, jobs, parameters, hidden=(), initial=None):
-        return [Trained.at_once(cls(np.array([0.5]))) for _ in jobs]
-
-    def table(self, p, u):
+    def time_features(self, p, u):
         return u[:, None]
 
     def compiled(self):
@@ -128,6 +136,8 @@ def test_arrays_that_do_not_fit_together_are_never_evaluated(trained, tmp_path):
 
 def test_an_unknown_network_is_told_with_those_that_are_known(example_networks):
     with pytest.raises(InputError, match=r"network 'os' among autoencoded, .*linear_feedback, .*"):
-        named_model("os")
+        named_trainer("os")
     with pytest.raises(InputError, match=r"read_results\.py: defines 0 feedback networks"):
         named_model("read_results")
+    with pytest.raises(InputError, match=r"read_results\.py: has no function `train`"):
+        named_trainer("read_results")

@@ -31,11 +31,11 @@ import test_touch_skin
 import test_touch_transfer
 import torch
 from board_rollouts import small_board
-from committed import ROOT, TASK_FILE, committed, committed_entry, read_yaml
+from committed import ROOT, SETS, TASK_FILE, committed, committed_entry, read_yaml
 from conftest import two_move_demonstration
 from feedback_toy import toy_dataset
 from reporting_scraping import PARAMETERS as CUTTING
-from rigid_body_robots import arm, rubbing_motion, sine_motion
+from rigid_body_robots import arm, motion_with_friction, sine_motion
 from tactile_toy import toy_dataset as toy_touches
 from tactile_toy import toy_geodesics
 from test_obstacles_models import PARAMETERS as AVOIDANCE
@@ -45,13 +45,35 @@ from test_tasks_obstacles import phase_dependent
 from threadpoolctl import threadpool_limits
 
 import structlearn
+from dissertation.dynamics.protocol.trainings import (
+    DynamicsTrainingParameters,
+    EpochLimits,
+    train,
+    trainings,
+)
+from dissertation.obstacles.protocol import avoidance_fits, avoidance_scores
+from dissertation.obstacles.world.reaching_person import AvoiderParameters
+from dissertation.obstacles.world.scenarios import SceneParameters, scenarios
+from dissertation.recorded.coupling import learning as coupling_representations
+from dissertation.recorded.parts import learning as torque_parts
+from dissertation.recorded.transfer import learning as touch_transfer
+from dissertation.scraping.files import read_datasets
+from dissertation.scraping.protocol import feedback_models
+from dissertation.scraping.protocol.board_refinement import refine_on_board
+from dissertation.scraping.protocol.feedback_models import (
+    LEVEL,
+    POINTWISE,
+    UNROLLED,
+    FinalModelParameters,
+    compare_representations,
+    train_models,
+)
 from structlearn.avoidance import scene_models
 from structlearn.avoidance.avoidance_dataset import AvoidanceDataParameters
-from structlearn.avoidance.network_training import NetworkParameters, held_out_rows
+from structlearn.avoidance.network_training import held_out_rows
 from structlearn.avoidance.scene_folds import learn_past_obstacles
 from structlearn.core.artefacts import write_table
 from structlearn.core.parallel import BACKEND
-from structlearn.feedback import feedback_models
 from structlearn.feedback.corrected_paths import SAMPLES, corrected_paths, split
 from structlearn.feedback.coupling_dataset import (
     CouplingDataset,
@@ -60,15 +82,7 @@ from structlearn.feedback.coupling_dataset import (
     to_table,
     without_generalization,
 )
-from structlearn.feedback.coupling_model import TrainingParameters
-from structlearn.feedback.feedback_models import (
-    LEVEL,
-    POINTWISE,
-    UNROLLED,
-    FeedbackParameters,
-    compare_representations,
-    train_models,
-)
+from structlearn.feedback.trainers import TrainingParameters
 from structlearn.networks.torch_settings import one_thread
 from structlearn.primitives import fitting
 from structlearn.primitives.fitting import FitParameters, cross_validation
@@ -85,31 +99,19 @@ from structlearn.tactile import latent_comparison
 from structlearn.tactile.latent_parameters import LatentParameters
 from structlearn.tactile.pressed_skin import PressedSkin, held_out
 from structlearn.tactile.touch_dataset import TRAIN
-from structlearn.tasks.motion import joint_motion, torque_parts
+from structlearn.tasks.motion import joint_motion
 from structlearn.tasks.motion.joint_motion import choose_networks, learn_motion
-from structlearn.tasks.motion.motion_parameters import LEARNED, NetworkChoiceParameters
+from structlearn.tasks.motion.parameters import LEARNED, NetworkChoiceParameters
 from structlearn.tasks.movement import feedback_learning
 from structlearn.tasks.movement.movement_learning import segmented
-from structlearn.tasks.movement.movement_parameters import TaskFeedbackParameters
+from structlearn.tasks.movement.parameters import TaskFeedbackParameters
 from structlearn.tasks.movement.phase_corrections import _split, corrected_runs, learn_corrections
-from structlearn.tasks.obstacles import coupling_representations
-from structlearn.tasks.obstacles.coupling_representations import RepresentationParameters
-from structlearn.tasks.touch import skin_force, skin_protocol, skin_readings, surface_traces, touch_transfer
+from structlearn.tasks.project import STAGES
+from structlearn.tasks.touch import skin_force, skin_protocol, skin_readings, surface_traces
 from structlearn.tasks.touch.skin_touches import learn_skin
 from structlearn.tasks.touch.surface_traces import deviations_from_expected
 from structlearn.tasks.touch.touch_names import MAGNITUDES, NEW_TRIALS
 from structlearn.tasks.touch.touch_names import SLIDES as SLIDE_SET
-from structlearn.testbeds.dynamics.protocol.trainings import (
-    DynamicsTrainingParameters,
-    EpochLimits,
-    train,
-    trainings,
-)
-from structlearn.testbeds.obstacles.protocol import avoidance_fits, avoidance_scores
-from structlearn.testbeds.obstacles.world.reaching_person import AvoiderParameters
-from structlearn.testbeds.obstacles.world.scenarios import SceneParameters, scenarios
-from structlearn.testbeds.scraping.files import read_datasets
-from structlearn.testbeds.scraping.protocol.board_refinement import refine_on_board
 
 HOLDS_NOTHING_OUT = {
     "simulates": "engines studies/cell scraping/record_nominal scraping/record_corrections "
@@ -120,7 +122,7 @@ HOLDS_NOTHING_OUT = {
     "puts into one file what was learned": "tasks/skill scraping/write_skill",
     "executes or unrolls": "tasks/check scraping/evaluate_feedback scraping/evaluate_refinement "
     "obstacles/evaluate",
-    "measures statistics or times": "tasks/calibrate scraping/time_controller",
+    "measures statistics or times": "recorded/calibrate scraping/time_controller",
     "traces of all runs that it is given; the further ones go to other files": "scraping/expected_traces",
     "makes samples, each of one demonstration": "scraping/coupling_dataset servoing/touch_dataset",
     "searches by trial, on rollouts of its own": "scraping/compare_search",
@@ -129,26 +131,29 @@ HOLDS_NOTHING_OUT = {
 """Why stages have no case."""
 
 FITS_ALL = {
-    "call those that have a case": "touch_transfer.compare_sets "
-    "avoidance_fits._errors fitting.learn_sequence fitting.cross_validation",
+    "call those that have a case": "transfer.compare_sets motion.learn touch.learn obstacles.learn "
+    "parts.learn avoidance_fits._errors fitting.learn_sequence fitting.cross_validation "
+    "autoencoded.train pca.train pca.train_on_codes",
     "what is compared with itself": "movement_learning.reproduction movement_learning.turns "
     "drives_and_load.payload_check touch_calibration.variance_shares trainings._once_through",
     "traces of all runs that are given": "feedback_learning.learn_feedback movement_learning.learn_traces",
+    "searches by rollouts": "sample_efficiency._advance",
     "call the training of `train_latent` for another skin": "servo_trials.learn_other_skin",
 }
 """Why functions that fit have no case."""
 
 LEARNERS = (
-    r"_?(fit|learn|train)(_\w+)?|\w*[Ll]earner|lstsq|least_squares|svd|PCA|polynomial|\w+_process|own_units"
+    r"_?(fit|learn|train)(_\w+)?|\w*[Ll]earner|\w+_trainer|lstsq|least_squares|svd|PCA|polynomial"
+    r"|\w+_process|own_units"
 )
 SEPARATES = r"held_out|left_out|leave_one_out|TRAIN|[Ff]olds?|judged"
-"""Names of what fits, and names in modules below tasks and testbeds that hold something out."""
+"""Names of what fits, and names in modules of methods that hold something out."""
 
-DRAWS = r"page|views|world|simulation|reporting|viewer|\w+_(section|view|figures)"
+DRAWS = r"stages|page|recordings|world|simulation|reporting|viewer|\w+_(section|view|figures)"
 """Packages and modules that fit nothing, or show or simulate it."""
 
-SHOWS = ("report", "view", "list_code", "loop", "make_example")
-"""Stages that show what others wrote, or list sources."""
+SHOWS = ("report", "view", "loop", "make_example")
+"""Stages that show what others wrote."""
 
 
 @dataclass(frozen=True)
@@ -228,7 +233,7 @@ def swapped(items: list, place: int, one: Any) -> list:
     return [*items[:place], one, *items[place + 1 :]]
 
 
-PACKAGE = Path(structlearn.__file__).parent
+SOURCES = Path(structlearn.__file__).parents[1]
 
 
 # --- primitives --------------------------------------------------------------------------------------------
@@ -280,7 +285,7 @@ def two_at_a_time(monkeypatch, tmp_path):
 def corrections(monkeypatch, tmp_path):
     arcs = test_movement_phase_corrections
     nominal = fit_position([differentiated(higher()[0].position, 0.004, 20.0)])
-    learned, left_out = _split(len(higher()), arcs.PARAMETERS, 0)
+    learned, left_out = _split(len(higher()), 0)
 
     def learn(demonstrations):
         found = corrected_runs(demonstrations, nominal, 20.0)
@@ -333,7 +338,7 @@ def other_materials(monkeypatch, tmp_path):
 # --- feedback ----------------------------------------------------------------------------------------------
 
 FEEDBACK = committed(
-    FeedbackParameters,
+    FinalModelParameters,
     "train_feedback",
     hidden=(4,),
     pointwise={"steps": 20, "evaluate_every": 10},
@@ -350,7 +355,7 @@ def corrected(dataset: CouplingDataset, rows: np.ndarray) -> CouplingDataset:
 
 @of_stage(
     "scraping/train_feedback",
-    fits="coupling_model.train_final supervised_training.train_stack feedback_models._trained",
+    fits="trainers.train_final supervised_training.train_stack feedback_models._trained",
 )
 def final_feedback(monkeypatch, tmp_path):
     """By the model's own split: samples that test, and settings that nobody learns from."""
@@ -537,15 +542,14 @@ def avoidance(monkeypatch, tmp_path):
     return Case(learn, data, tested, with_wobbling(data, ~held, "target"))
 
 
-@of_stage("tasks/obstacles", fits="coupling_representations._fitted coupling_representations._ridge")
+@of_stage("recorded/coupling", fits="coupling._fitted coupling._ridge")
 def coupling_of_samples(monkeypatch, tmp_path):
     """Every representation on the second block."""
     network = {"hidden": (4,), "members": 2, "training": {"iterations": 2}}
-    parameters = committed(
-        RepresentationParameters,
-        "defaults.obstacles.representations",
+    parameters = committed_entry(
+        "avoidance",
         folds=2,
-        network=committed(NetworkParameters, "obstacle_training.per_setting", **network),
+        network=network,
         pmnn=TRAINING,
         pmnn_hidden=(4,),
     )
@@ -553,7 +557,7 @@ def coupling_of_samples(monkeypatch, tmp_path):
         monkeypatch,
         coupling_representations,
         "_fitted",
-        lambda its: coupling_representations.compare_representations(its, parameters),
+        lambda its: coupling_representations.representation_scores(its, parameters),
     )
     data = phase_dependent(100)
     tested, trained_on = (
@@ -599,7 +603,7 @@ def dynamics(monkeypatch, tmp_path):
         epochs=EpochLimits(simulation=1, robot=1),
         learning=LEARNING,
     )
-    motion = rubbing_motion(arm()).part(slice(0, 300))
+    motion = motion_with_friction(arm()).part(slice(0, 300))
     data = {
         "iiwa": sine_motion(arm(), 200),
         "perturbed/11": motion,
@@ -620,7 +624,7 @@ def payload(monkeypatch, tmp_path):
     parameters = committed(
         PayloadLearningParameters, "online.payload", empty_s=10.0, batch=100, memory_s=2.0, iterations=5
     )
-    data, dt, picked = rubbing_motion(arm()).part(slice(0, 900)), 0.02, 500
+    data, dt, picked = motion_with_friction(arm()).part(slice(0, 900)), 0.02, 500
 
     def learn(motion):
         found = learn_payload((motion, dt), arm().tree, arm().inertias, parameters)
@@ -718,7 +722,7 @@ def settings_of_networks(monkeypatch, tmp_path):
         **{"train_share": 0.5, "hidden": ((4,),), "rates": (0.01, 0.02), "epochs": (1,), "batch": 32},
         **{"second_moment_decay": 0.99, "choice_seeds": 1, "seeds": 1},
     )
-    tree, data = arm().tree, rubbing_motion(arm()).part(slice(0, 100))
+    tree, data = arm().tree, motion_with_friction(arm()).part(slice(0, 100))
     learn = each(
         monkeypatch,
         joint_motion,
@@ -728,19 +732,19 @@ def settings_of_networks(monkeypatch, tmp_path):
     return Case(learn, data, pushed(data, slice(50, None)), pushed(data, slice(0, 1)))
 
 
-@of_stage("tasks/motion", fits="torque_parts.learn_parts torque_parts.learned_networks")
+@of_stage("recorded/parts", fits="parts.learn_parts parts.learned_networks")
 def parts_of_torques(monkeypatch, tmp_path):
     """Networks and planar arms, of the authors' choice of logs and of a random one."""
     toy = test_torque_parts
     quick = {"left_out": ("p",), "seeds": 2, "splits": 2, "epochs": 1, "batch": 64}
     quick |= {"hidden": {"mlp": (4,), "delan": (4,)}}
     quick["published"] = dict.fromkeys(("torque", "coriolis", "inertial", "gravity", "power"), 1e-3)
-    parameters = committed_entry("delan_characters", parts=quick).parts
+    parameters = committed_entry("delan_characters", **quick)
     data = {name: toy.log(name, seed) for seed, name in enumerate("pqr")}
-    (*_, (left_out,)), names = torque_parts.held_out(list(data), parameters)[2], iter(range(99))
+    (*_, (left_out,)) = torque_parts.characters_left_out(list(data), parameters)[2]
 
     def run(logs):
-        return torque_parts.learn_parts(logs, parameters, 5, tmp_path / str(next(names)))
+        return torque_parts.learn_parts(logs, parameters)
 
     changed = {
         name: data | {name: with_wobbling(its, slice(None), "positions", "torques")}
@@ -796,7 +800,8 @@ def latent_spaces(monkeypatch, tmp_path):
 
 
 @of_stage(
-    "tasks/touch", fits="touch_transfer._errors latent_training.learn_spaces latent_training.learn_from"
+    "recorded/transfer",
+    fits="transfer._errors latent_training.learn_spaces latent_training.learn_from",
 )
 def recorded_touch(monkeypatch, tmp_path):
     """What was learned of two slides while the two others were left out, and its units."""
@@ -1032,7 +1037,10 @@ def stage_scripts() -> dict[str, Path]:
 
 def test_every_stage_that_learns_has_a_case():
     """A new stage gets one, or a line that says why it holds nothing out."""
-    scripts = stage_scripts()
+    scripts = {*stage_scripts(), *(f"tasks/{one.stem}" for one in STAGES.glob("[a-z]*.py"))} - {"tasks/learn"}
+    scripts |= {f"recorded/{one.stem}" for one in (ROOT / "stages/recorded").glob("*.py")}
+    for place, kinds in (("tasks", STAGES.parent), ("recorded", SETS)):  # which runs one of these
+        scripts |= {f"{place}/{one.parent.name}" for one in kinds.glob("*/learning.py")}
     cases, others = {stage for stage, _ in CASES}, {*" ".join(HOLDS_NOTHING_OUT.values()).split()}
     assert {name for name in scripts if not name.endswith(SHOWS)} == cases | others
     assert not cases & others
@@ -1041,15 +1049,20 @@ def test_every_stage_that_learns_has_a_case():
 def fitting_functions() -> set[str]:
     """Functions (`module.name`) that call what fits, where something can be held out."""
     found = set()
-    for path in sorted(PACKAGE.rglob("*.py")):
-        parts = path.relative_to(PACKAGE).with_suffix("").parts
+    for path in sorted(SOURCES.rglob("*.py")):
+        house, *parts = path.relative_to(SOURCES).with_suffix("").parts
         if any(re.fullmatch(DRAWS, part) for part in parts):
             continue
         tree = ast.parse(path.read_text())
         words = {getattr(node, "id", None) or getattr(node, "arg", None) or "" for node in ast.walk(tree)}
-        if parts[0] in ("tasks", "testbeds") or any(re.fullmatch(SEPARATES, word) for word in words):
+        if (
+            house == "dissertation"
+            or parts[0] == "tasks"
+            or any(re.fullmatch(SEPARATES, word) for word in words)
+        ):
             functions = (node for node in tree.body if isinstance(node, ast.FunctionDef))
-            found |= {f"{parts[-1]}.{one.name}" for one in functions if any(map(fits, ast.walk(one)))}
+            place = parts[-2] if parts[-1] == "learning" else parts[-1]  # of a kind of tasks
+            found |= {f"{place}.{one.name}" for one in functions if any(map(fits, ast.walk(one)))}
     return found
 
 

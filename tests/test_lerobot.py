@@ -6,24 +6,23 @@ from dataclasses import replace
 import numpy as np
 import pyarrow.parquet
 import pytest
-from committed import NO_TOPICS
+from committed import EXAMPLE_TASK, NO_TOPICS
 from readers_sets import write_dataset
 
+from dissertation.simulation.pick_and_place import TIP, URDF, takes, write_takes
 from structlearn.core import quaternion
 from structlearn.core.errors import InputError, MissingInputError
 from structlearn.readers import read_recordings, synchronise
 from structlearn.readers.lerobot import read_movement
-from structlearn.readers.source import JointPose
+from structlearn.readers.topics import JointPose
+from structlearn.rigid_body.urdf import urdf_path
 from structlearn.segmentation.segments import cut
-from structlearn.simulation.arm import urdf_path
 from structlearn.tasks.movement.lerobot_export import write_lerobot
-from structlearn.tasks.pick_and_place_world import TIP, URDF, takes, write_takes
-from structlearn.tasks.task_entry import read_task
 
 
 @pytest.fixture(scope="module")
 def runs(tmp_path_factory):
-    folder, task = tmp_path_factory.mktemp("bags"), read_task("pick")
+    folder, task = tmp_path_factory.mktemp("bags"), EXAMPLE_TASK
     write_takes(takes(3, 3, 3), folder)
     found = [synchronise(one, 100.0) for one in read_recordings(folder, task.topics, task.stamps)]
     assert found[0].wrench[:, 2].min() == pytest.approx(-9.81 * 0.6, abs=0.8)  # the part's weight
@@ -33,13 +32,13 @@ def runs(tmp_path_factory):
 @pytest.fixture(scope="module")
 def written(runs, tmp_path_factory):
     target = tmp_path_factory.mktemp("lerobot") / "pick"
-    segmentation = cut(runs, read_task("pick").segment)
+    segmentation = cut(runs, EXAMPLE_TASK.segment)
     assert write_lerobot(runs, segmentation, target, "pick up the part", 5.0, robot="panda") == 3
     return target, segmentation
 
 
 def entry(pose, **topics):
-    task = read_task("pick")
+    task = EXAMPLE_TASK
     none = {name: () if empty == [] else empty for name, empty in NO_TOPICS.items()}
     return task.model_copy(update={"topics": task.topics.model_copy(update=none | {"pose": pose} | topics)})
 
@@ -131,7 +130,7 @@ def test_a_dataset_that_is_not_one_is_named(tmp_path, missing, changes, message)
 
 
 def test_demonstrations_with_other_signals_are_refused(runs, tmp_path):
-    segmentation = cut(runs, read_task("pick").segment)
+    segmentation = cut(runs, EXAMPLE_TASK.segment)
     mixed = [runs[0], *(replace(run, wrench=None) for run in runs[1:])]
     with pytest.raises(InputError, match="differ in their signals"):
         write_lerobot(mixed, segmentation, tmp_path / "x", "pick", 5.0)

@@ -20,10 +20,9 @@ from structlearn.feedback.skill import ReactiveSkill, Workspace
 from structlearn.primitives.transformation import ALPHA, BETA
 from structlearn.reporting.document import Document, Panel, Source, render
 from structlearn.rigid_body.arm_kinematics import JointPath, read_arm, read_shapes
-from structlearn.rigid_body.urdf import named_files
-from structlearn.simulation.arm import urdf_path
+from structlearn.rigid_body.urdf import named_files, urdf_path
 from structlearn.tasks.movement import check_results, check_section, skill_check
-from structlearn.tasks.movement.movement_parameters import Placement
+from structlearn.tasks.movement.parameters import Placement
 from structlearn.tasks.movement.skill_check import Unroll, unrolls
 from structlearn.tasks.task_entry import file_digests, read_task
 from structlearn.tasks.task_files import TaskFiles
@@ -256,7 +255,7 @@ def test_the_section_says_what_was_found(check, tmp_path, monkeypatch):
     assert all(name.startswith("check_") for name in section.find)
     assert len(section.tables["check"].frame) == 9  # quantities
     assert len(section.tables["check_runs"].frame) == check.metrics()["check_runs"]
-    sources = {"check": Source("data/tasks/pick/check", "stages/tasks/dvc.yaml:check@pick")}
+    sources = {"check": Source("data/tasks/pick/check", "check@pick")}
     its = {"facts": {"check": section.facts}, "tables": section.tables, "sources": sources}
     page = Document("check.html.jinja", "structlearn.tasks.movement", **its)
     panel = [Panel("figures/check_margins.svg", 700, 300)]

@@ -12,7 +12,7 @@ from structlearn.core.errors import InputError
 from structlearn.primitives import sequence
 from structlearn.primitives.fitting import FitParameters, learn_sequence
 from structlearn.tasks.movement import movement_learning as learning
-from structlearn.tasks.movement.movement_parameters import PARTS
+from structlearn.tasks.movement.parameters import PARTS
 
 FIT = FitParameters(smoothing_hz=5.0, kernel_count=10, regression="joint", scaled_axes=(True, False, False))
 

@@ -13,7 +13,7 @@ from structlearn.primitives.position import fit_position
 from structlearn.primitives.trajectory import differentiated
 from structlearn.primitives.vector import fit_vector
 from structlearn.readers.demonstration import Demonstration
-from structlearn.tasks.movement.movement_parameters import PhaseCorrectionParameters
+from structlearn.tasks.movement.parameters import PhaseCorrectionParameters
 from structlearn.tasks.movement.phase_corrections import (
     SAMPLES,
     adapted_path,
@@ -33,7 +33,6 @@ PARAMETERS = committed(
     "defaults.movement.corrections",
     source="clmc",
     smoothing_hz=20.0,
-    learned_share=0.67,
     splits=3,
 )
 

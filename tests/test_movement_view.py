@@ -8,8 +8,14 @@ from conftest import two_move_demonstration
 from viewer_files import colour_of, contents, note
 
 from structlearn.palette import PHASE_PATHS
-from structlearn.primitives.fitting import FitParameters, learn_sequence, orientations, segment_paths, whole
-from structlearn.tasks.movement import movement_view as view
+from structlearn.primitives.fitting import (
+    FitParameters,
+    learn_sequence,
+    orientations,
+    segment_paths,
+    whole_run_cuts,
+)
+from structlearn.tasks.movement import view
 from structlearn.tasks.movement.movement_learning import segmented
 from structlearn.tasks.movement.phase_corrections import phase_networks
 from structlearn.viewer.recorded_demonstrations import write_demonstrations
@@ -47,7 +53,7 @@ def test_corrected_runs_have_a_colour_per_path(tmp_path, parts):
 
 
 def test_parts_of_the_execution_follow_each_other(tmp_path, parts):
-    (whole_run,), cuts = view.joined(parts)
+    (whole_run,), cuts = view.joined_execution(parts)
     assert np.allclose(np.diff(whole_run.time), whole_run.dt)
     assert whole_run.tactile.shape == (3 * len(parts[0].time), 38)
     assert whole_run.velocity is None
@@ -55,12 +61,12 @@ def test_parts_of_the_execution_follow_each_other(tmp_path, parts):
     table = cuts.cuts
     assert (table["start_s"].to_numpy()[1:] == table["end_s"].to_numpy()[:-1]).all()
     path = tmp_path / "execution.rrd"
-    write_demonstrations(path, *view.joined(parts), "title", view.DEMONSTRATED)
+    write_demonstrations(path, *view.joined_execution(parts), "title", view.DEMONSTRATED)
     assert "/hands/execution" in contents(path)[1]
 
 
 def test_turns_show_every_run_and_the_primitive(tmp_path, parts):
-    path, runs = tmp_path / "turns.rrd", orientations(segment_paths(parts, whole(parts), 5.0))
+    path, runs = tmp_path / "turns.rrd", orientations(segment_paths(parts, whole_run_cuts(parts), 5.0))
     view.write_turns(path, runs, primitives(parts)[0])
     found = contents(path)[1]
     names = [*(f"log\\ {number}" for number in range(1, len(runs) + 1)), view.PRIMITIVE.name]

@@ -7,6 +7,29 @@ from committed import committed
 from obstacles_unrolls import baseline as fitted
 from pydantic import ValidationError
 
+from dissertation.obstacles.files import BASELINE, read_baselines, write_baselines
+from dissertation.obstacles.protocol.avoidance_scores import person_data
+from dissertation.obstacles.world import reaching_person
+from dissertation.obstacles.world.reaching_person import (
+    FIXED_POINTS,
+    PLAN_POINTS,
+    SIDES,
+    AvoiderParameters,
+    captured,
+    demonstrations,
+    jerk_metric,
+    reaches,
+)
+from dissertation.obstacles.world.scenarios import (
+    END_CLEARANCE_M,
+    FAR_CLEARANCE_M,
+    Scenario,
+    SceneParameters,
+    check_clear,
+    reach_frame,
+    scenarios,
+    unseen_centres,
+)
 from structlearn.avoidance.avoidance_dataset import (
     AvoidanceDataParameters,
     avoidance_dataset,
@@ -25,29 +48,6 @@ from structlearn.core.params import Population
 from structlearn.primitives.primitive_files import write_primitives
 from structlearn.primitives.sequence import PosePrimitive
 from structlearn.readers.demonstration import Demonstration, write_runs
-from structlearn.testbeds.obstacles.files import BASELINE, read_baselines, write_baselines
-from structlearn.testbeds.obstacles.protocol.avoidance_scores import person_data
-from structlearn.testbeds.obstacles.world import reaching_person
-from structlearn.testbeds.obstacles.world.reaching_person import (
-    FIXED_POINTS,
-    PLAN_POINTS,
-    SIDES,
-    AvoiderParameters,
-    captured,
-    demonstrations,
-    jerk_metric,
-    reaches,
-)
-from structlearn.testbeds.obstacles.world.scenarios import (
-    END_CLEARANCE_M,
-    FAR_CLEARANCE_M,
-    Scenario,
-    SceneParameters,
-    check_clear,
-    reach_frame,
-    scenarios,
-    unseen_centres,
-)
 
 
 def scene(**changes):

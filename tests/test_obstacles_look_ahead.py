@@ -31,7 +31,7 @@ def test_in_the_open_the_cost_is_the_distance():
     scene = look_ahead.cost_to_go([], START, GOAL, free)
     points = np.random.default_rng(0).uniform([0.0, -0.25], [0.02, 0.15], (200, 2))
     straight = np.linalg.norm(points - GOAL[:2], axis=1)
-    assert np.abs(scene.at(points) - straight).max() < 0.5 * PARAMETERS.cell_m
+    assert np.abs(scene.at(points) - straight).max() < 0.5 * look_ahead.CELL_M
     ways = scene.ways(points[:20], [0.05, 5.0])
     assert np.allclose(ways[:, 1], GOAL[:2], atol=1e-9)
     there = np.minimum(0.05 / straight[:20], 1.0)[:, None]
@@ -80,7 +80,7 @@ def features_of(shapes, start=START, goal=GOAL, seed=3):
     scene = look_ahead.cost_to_go(shapes, start, goal, PARAMETERS)
     position, velocity = rng.normal((0.1, 0.0, 0.0), 0.03, (6, 3)), rng.normal(0, 0.5, (6, 3))
     to_goal = (goal - start) @ frame
-    arguments = (start, frame, to_goal, PARAMETERS.ahead_m)
+    arguments = (start, frame, to_goal)
     mirrored = look_ahead.scene_features(scene, position * MIRROR, velocity * MIRROR, *arguments)
     return look_ahead.scene_features(scene, position, velocity, *arguments), mirrored
 
@@ -91,11 +91,12 @@ def test_features_are_in_the_local_frame_of_a_turned_reach():
     frame = local_frame(start, goal)
     scene = look_ahead.cost_to_go([], start, goal, PARAMETERS.model_copy(update={"nearness_cost": 0.0}))
     position, velocity = np.array([[0.1, 0.05, 0.0], [0.2, -0.04, 0.01]]), np.full((2, 3), 0.3)
-    to_goal, ahead = (goal - start) @ frame, np.array([0.05, 0.1])
-    found = look_ahead.scene_features(scene, position, velocity, start, frame, to_goal, ahead)
+    to_goal, ahead = (goal - start) @ frame, np.array(look_ahead.AHEAD_M)
+    found = look_ahead.scene_features(scene, position, velocity, start, frame, to_goal)
     left = (to_goal - position)[:, :2]
-    expected = ahead[:, None] * (left / np.linalg.norm(left, axis=1, keepdims=True))[:, None]
-    np.testing.assert_allclose(found[:, :4].reshape(2, 2, 2), expected, atol=0.01)  # as in the open
+    length = np.linalg.norm(left, axis=1, keepdims=True)
+    expected = (np.minimum(ahead, length) / length)[..., None] * left[:, None]
+    np.testing.assert_allclose(found[:, :12].reshape(2, 6, 2), expected, atol=0.01)  # as in the open
 
 
 def test_a_mirrored_scene_has_mirrored_features():
@@ -105,7 +106,7 @@ def test_a_mirrored_scene_has_mirrored_features():
     mirror = [Obstacle(one.shape, one.centre * [-1, 1, 1], one.half_size) for one in WALL]
     here, there = features_of(WALL, goal=goal)[0], features_of(mirror, goal=goal)[1]
     # grids lie otherwise relative to the boxes, so costs agree to a part of a cell only
-    assert np.abs(here * look_ahead.mirror_signs(PARAMETERS) - there).max() < 0.02
+    assert np.abs(here * look_ahead.mirror_signs() - there).max() < 0.02
 
 
 def test_round_and_turned_shapes_are_in_the_way_too():

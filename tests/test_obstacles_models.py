@@ -7,6 +7,8 @@ import pytest
 from committed import committed
 from sklearn.linear_model import ARDRegression
 
+from dissertation.obstacles.protocol.avoidance_fits import AvoidanceTrainingParameters, learn
+from dissertation.obstacles.world.scenarios import Scenario, own_scenarios
 from structlearn.avoidance import avoidance_network, learned_models, network_training, rai_2014
 from structlearn.avoidance.avoidance_dataset import AvoidanceDataset
 from structlearn.avoidance.features import features
@@ -15,10 +17,9 @@ from structlearn.avoidance.shapes import obstacle
 from structlearn.core import artefacts
 from structlearn.core.errors import InputError
 from structlearn.core.metrics import nmse
-from structlearn.feedback.coupling_model import TrainingParameters, write_networks
+from structlearn.feedback.coupling_model import write_networks
+from structlearn.feedback.trainers import TrainingParameters
 from structlearn.primitives import canonical
-from structlearn.testbeds.obstacles.protocol.avoidance_fits import AvoidanceTrainingParameters, learn
-from structlearn.testbeds.obstacles.world.scenarios import Scenario, own_scenarios
 
 SIZES = (4, 3)
 

@@ -12,22 +12,22 @@ from committed import committed
 from obstacles_world import PEOPLE, PLACES, POPULATION, PRIMITIVE, TESTED, demonstrations, evaluation
 from viewer_files import colour_of, contents, note, values, view_names
 
+from dissertation.evidence.claims import read_claims
+from dissertation.evidence.studies import Study
+from dissertation.obstacles.names import FREE, HIT, KINDS, SOURCES, model_name
+from dissertation.obstacles.page.findings import ObstacleResults, findings, read_published
+from dissertation.obstacles.page.page import PACKAGE, document
+from dissertation.obstacles.page.page import people as hits_by_person
+from dissertation.obstacles.protocol import avoidance_protocols, unrolled_reaches
+from dissertation.obstacles.protocol.avoidance_fits import AvoidanceTrainingParameters
+from dissertation.obstacles.protocol.avoidance_protocols import LIMITED, PUBLISHED
+from dissertation.obstacles.recordings import demonstrated_avoidance as drawn
+from dissertation.obstacles.recordings.unseen_avoidance import write_unseen_avoidance
+from dissertation.obstacles.world.reaching_person import AvoiderParameters
+from dissertation.obstacles.world.scenarios import SceneParameters
 from structlearn.avoidance.avoidance_dataset import AvoidanceDataParameters
 from structlearn.avoidance.shapes import SHAPES
-from structlearn.reporting.claims import read_claims
 from structlearn.reporting.document import render
-from structlearn.reporting.studies import Study
-from structlearn.testbeds.obstacles.names import FREE, HIT, KINDS, SOURCES, model_name
-from structlearn.testbeds.obstacles.page.findings import ObstacleResults, findings, read_published
-from structlearn.testbeds.obstacles.page.page import PACKAGE, document
-from structlearn.testbeds.obstacles.page.page import people as hits_by_person
-from structlearn.testbeds.obstacles.protocol import avoidance_protocols, unrolled_reaches
-from structlearn.testbeds.obstacles.protocol.avoidance_fits import AvoidanceTrainingParameters
-from structlearn.testbeds.obstacles.protocol.avoidance_protocols import LIMITED, PUBLISHED
-from structlearn.testbeds.obstacles.views import demonstrated_avoidance as drawn
-from structlearn.testbeds.obstacles.views.unseen_avoidance import write_unseen_avoidance
-from structlearn.testbeds.obstacles.world.reaching_person import AvoiderParameters
-from structlearn.testbeds.obstacles.world.scenarios import SceneParameters
 
 
 def error_table(network=0.04, rai=0.6):

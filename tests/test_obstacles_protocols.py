@@ -5,14 +5,14 @@ import pytest
 from committed import committed
 from obstacles_unrolls import DT, GOAL, START, baseline, beside_the_reach, random_network, spheres, unroll
 
+from dissertation.obstacles.protocol import avoidance_protocols, avoidance_scores
+from dissertation.obstacles.protocol.avoidance_protocols import AvoidanceEvaluationParameters
+from dissertation.obstacles.protocol.avoidance_scores import demonstration_scores
+from dissertation.obstacles.world.scenarios import Scenario
 from structlearn.avoidance.avoiding_unroll import no_coupling
 from structlearn.avoidance.rai_2014 import HumanInspiredModels
 from structlearn.avoidance.shapes import SHAPES, constant_velocity, obstacle
 from structlearn.readers.demonstration import Demonstration
-from structlearn.testbeds.obstacles.protocol import avoidance_protocols, avoidance_scores
-from structlearn.testbeds.obstacles.protocol.avoidance_protocols import AvoidanceEvaluationParameters
-from structlearn.testbeds.obstacles.protocol.avoidance_scores import demonstration_scores
-from structlearn.testbeds.obstacles.world.scenarios import Scenario
 
 PARAMETERS = committed(
     AvoidanceEvaluationParameters,
@@ -187,7 +187,7 @@ def test_unrolls_are_scored_up_to_the_prescribed_end_and_their_goals_later_too()
         assert table["excursion_m"][b] == pytest.approx(away.max())
         missed = np.linalg.norm(position[b, late] - paths.goal[b])
         assert table["late_goal_distance_m"][b] == pytest.approx(missed)
-        changed = (paths.asked[b, : end + 1] != paths.coupling[b, : end + 1]).any(axis=1)
+        changed = (paths.requested[b, : end + 1] != paths.coupling[b, : end + 1]).any(axis=1)
         assert table["restrained"][b] == np.mean(changed)
     assert (table["hit"] == (table["obstacle_distance"] <= 0)).all()
     assert table["restrained"].gt(0).any()

@@ -6,9 +6,8 @@ from dataclasses import replace
 import pandas as pd
 import pytest
 
-from structlearn.reporting.claims import Evidence, claims_table, judge, read_claims
-from structlearn.reporting.document import environment
-from structlearn.reporting.verdicts import (
+from dissertation.evidence.claims import claims_table, judge, read_claims
+from dissertation.evidence.verdicts import (
     DIGITS,
     FLIPPED,
     MARGIN,
@@ -19,6 +18,7 @@ from structlearn.reporting.verdicts import (
     main,
     other_processor_page,
 )
+from structlearn.reporting.evidence import Evidence
 
 COLUMNS = ["statement", "case", "here", "verdict"]
 HERE = pd.DataFrame(
@@ -59,7 +59,7 @@ def test_rows_quoted_from_a_study_are_not_counted_as_run(tmp_path):
     read = replace(above, study="toy/people")
     found = {"ran": above, "read": {"a": read, "b": read}}
     claims = read_claims(tmp_path / "claims.yaml")
-    table = claims_table(judge(claims, found, environment("structlearn.reporting"), {}))
+    table = claims_table(judge(claims, found, {}))
     assert table["study"].tolist() == ["", "toy/people", "toy/people"]
     outcomes = compared({"toy": table}, {"toy": table}).set_index(["statement", "case"])["outcome"]
     assert outcomes.to_dict() == {("ran", ""): SAME, ("read", "A"): QUOTED, ("read", "B"): QUOTED}

@@ -12,12 +12,13 @@ from pathlib import Path
 import numpy as np
 import pytest
 import yaml
-from committed import merged, own_tasks, run_stages
+from committed import EXAMPLE_TASK, ROOT, SETS, merged, own_tasks, run_stages
 from conftest import minimum_jerk
 from own_skills import quick_check
 from readers_bags import as_recorded, pose_messages, write_bag
-from reduced_pipeline import clone, environment
+from reduced_pipeline import environment
 
+from dissertation.simulation.pick_and_place import as_recording, takes, write_takes
 from structlearn.core.artefacts import read_csv
 from structlearn.core.errors import InputError
 from structlearn.feedback.skill import ReactiveSkill, demonstrated_workspace
@@ -27,11 +28,11 @@ from structlearn.readers import read_recordings, synchronise, write_recordings
 from structlearn.reporting.document import words_in_view
 from structlearn.reporting.findings import read_findings, values_by_key
 from structlearn.segmentation.segments import cut
-from structlearn.tasks.pick_and_place_world import as_recording, takes, write_takes
+from structlearn.tasks.project import ENTRIES, STAGES, packaged_pipeline, write_project
 from structlearn.tasks.task_entry import PARTS, read_checked, read_task, source_digests, write_task
 from structlearn.tasks.task_files import NAME_RULE, TaskFiles
 
-STAGES = ("import_task", "segment", "primitives", "feedback", "skill", "check")
+LEARNING = ("import_task", "segment", "primitives", "feedback", "skill", "check")
 QUICK = {"fit": {"kernel_count": 10}, "feedback": {"training": {"steps": 60, "evaluate_every": 30}}}
 REACH = {"source": "bags", "topics": {"pose": "/arm/pose"}, "segment": {"primitives": ["reach"]}}
 
@@ -85,7 +86,7 @@ def test_a_task_goes_through_to_its_page(root, folder):
     for number, repeats in enumerate((3, 1, 2), start=1):
         write_reach(Path(f"bags/take_{number}.mcap"), 1.0 + 0.1 * number, 0.6, repeats)
     own_tasks(folder, QUICK, reach=REACH | {"repeats": "auto", "segment": {"primitives": ["reach", "back"]}})
-    run_stages(root, "reach", *STAGES, "view", "report")
+    run_stages("reach", *LEARNING, "view", "report")
     report = Path("reports/tasks/reach")
     values = json.loads((report / "metrics.json").read_text())
     assert (values["cuts_demonstrations"], values["cuts_warnings"]) == (6, 0)
@@ -110,13 +111,13 @@ def test_what_is_in_a_source_counts_and_nothing_else_changes_what_the_import_wro
     parameters, recording = (
         Path(f"data/tasks/reach/{name}") for name in ("parameters.yaml", "recorded/demonstrations.parquet")
     )
-    run_stages(root, "reach", "import_task")
+    run_stages("reach", "import_task")
     once = parameters.read_bytes(), recording.read_bytes()
     own_tasks(folder, QUICK, reach=REACH, other=REACH | {"source": "elsewhere"})
-    run_stages(root, "reach", "import_task")
+    run_stages("reach", "import_task")
     assert (parameters.read_bytes(), recording.read_bytes()) == once
     write_reach(Path("bags/take_2.mcap"), 0.9, 0.5)
-    run_stages(root, "reach", "import_task")
+    run_stages("reach", "import_task")
     assert parameters.read_bytes() != once[0]
     assert recording.read_bytes() != once[1]
 
@@ -125,12 +126,12 @@ def test_a_recording_that_cannot_be_read_stops_the_others_unless_failures_are_sk
     damaged = Path("bags/take_2.mcap")
     damaged.write_bytes(damaged.read_bytes()[:-5000])
     with pytest.raises(SystemExit):
-        run_stages(root, "reach", "import_task")
+        run_stages("reach", "import_task")
     (line,) = [line for line in capsys.readouterr().err.splitlines() if line]
     assert line.startswith("error: ")
     assert "bags/take_2.mcap" in line
     own_tasks(folder, QUICK, reach=merged(REACH, {"segment": {"skip_failures": True}}))
-    run_stages(root, "reach", "import_task")
+    run_stages("reach", "import_task")
     files = TaskFiles("reach")
     assert [run.name for run in files.runs("demonstrations")] == ["take_1", "take_3"]
     assert files.left_out()["file"].tolist() == ["bags/take_2.mcap"]
@@ -155,21 +156,24 @@ def test_parts_that_an_entry_does_not_name_are_null(root, folder):
     pour = yaml.safe_load(readme(root, "yaml"))  # as every entry of the documentation is one
     own_tasks(folder, pour=merged(pour["pour"], yaml.safe_load(readme(root, "yaml", 1))))
     assert read_task("pour").feedback.settings == ("5", "tilt_left")
-    Path("stages/tasks/own.yaml").write_text(readme(root, "yaml", 2))
+    ENTRIES.write_text(readme(root, "yaml", 2))
     assert [read_task(name).kind for name in ("arm", "skin", "table")] == ["motion", "touch", "obstacles"]
 
 
 @pytest.mark.parametrize(
     ("entry", "words"),
     [
-        (None, "own.yaml: movement.task: is no mapping of parameters"),
-        ({}, "own.yaml: movement.task.source: Field required"),
+        (None, "structlearn.yaml: movement.task: is no mapping of parameters"),
+        ({}, "structlearn.yaml: movement.task.source: Field required"),
         (REACH | {"feedback": {}}, "movement.task.feedback.executions"),
         (REACH | {"segmant": {}}, "movement.task.segmant: unknown parameter"),
         (REACH | {"topics": {}}, "movement.task.topics.pose"),
         (REACH | {"clock": {"rate_hz": -1}}, "movement.task.clock.rate_hz"),
         (REACH | {"repeats": 0}, "movement.task.repeats"),
-        (REACH | {"given": "reach", "repeats": 3}, "repeats are looked for only where recordings are cut"),
+        (
+            REACH | {"presegmented": "reach", "repeats": 3},
+            "repeats are looked for only where recordings are cut",
+        ),
         (REACH | {"feedback": CORRECTED | {"primitives": ["raech"]}}, "no primitive 'raech' among reach"),
         (REACH | {"feedback": CORRECTED}, "movement.task: feedback.sensors: tactile is felt by no topic"),
     ],
@@ -197,14 +201,14 @@ def test_parameters_that_no_import_wrote_are_refused(tmp_path, monkeypatch):
     ("kind", "name", "message"),
     [
         *(
-            ("movement", name, r"^stages/tasks/public\.yaml: movement: .*: a task's name has 1 to 60")
+            ("movement", name, r"^structlearn\.yaml: movement: .*: a task's name has 1 to 60")
             for name in ("a/b", "Pour", "-rf", "a" * 61, 1, True, None, 2.5)
         ),
-        ("motion", "reach", r"movement\.reach: the name is taken: .*public\.yaml, motion"),
+        ("motion", "reach", r"movement\.reach: the name is taken: motion"),
     ],
 )
 def test_a_name_that_is_none_or_taken_is_one_line(folder, kind, name, message):
-    Path("stages/tasks/public.yaml").write_text(yaml.safe_dump({kind: {name: REACH}}))
+    ENTRIES.write_text(yaml.safe_dump({kind: {name: REACH}, "movement": {"reach": REACH, name: REACH}}))
     with pytest.raises(InputError, match=message):
         read_task("reach")
 
@@ -217,21 +221,16 @@ EVIL = (
 
 PYTHON = r"""#!/bin/sh
 printf '%s|%s\0' "$DVC_STAGE" "$*" >> "$ASKED"
-[ "$1" = stages/list_code.py ] || exit 1
-for script in stages/tasks/*.py; do
-    mkdir -p data/code/tasks && touch "data/code/tasks/$(basename "$script" .py).txt"
-done
+exit 1
 """
-"""Stands in for `python` where DVC runs stages: notes what it is asked for, and fails for all tasks."""
+"""Stands in for `python` where DVC runs stages: notes what it is asked for, and fails."""
 
 
-def test_dvc_runs_nothing_and_deletes_nothing_for_a_name_that_is_none(root, tmp_path):
+def test_dvc_runs_nothing_and_deletes_nothing_for_a_name_that_is_none(tmp_path):
     """Also by a plain `dvc repro`, of all tasks at once and before any other check."""
     project, asked, program = tmp_path / "project", tmp_path / "asked", tmp_path / "bin/python"
-    shutil.copytree(root / "stages/tasks", project / "stages/tasks")
-    (project / "stages/tasks/dvc.lock").unlink(missing_ok=True)
-    shutil.copy(root / "stages/list_code.py", project / "stages")
-    (project / "src/structlearn").mkdir(parents=True)
+    project.mkdir()
+    write_project(project, "", packaged_pipeline())
     own_tasks(project, **dict.fromkeys(EVIL, REACH))
     kept = project / "kept/recorded/1.mcap"
     kept.parent.mkdir(parents=True)
@@ -242,29 +241,26 @@ def test_dvc_runs_nothing_and_deletes_nothing_for_a_name_that_is_none(root, tmp_
     variables = environment() | {"ASKED": str(asked), "PATH": f"{program.parent}:{os.environ['PATH']}"}
     dvc = f"{Path(sys.executable).parent}/dvc"
     subprocess.run([dvc, "init", "--quiet", "--no-scm"], cwd=project, env=variables, check=True)
-    command = [dvc, "repro", "--keep-going", "stages/tasks/dvc.yaml"]
+    before = {path.name for path in project.iterdir()}
+    command = [dvc, "repro", "--keep-going"]
     assert subprocess.run(command, cwd=project, env=variables, capture_output=True).returncode != 0
     stages, words = zip(*(line.split("|") for line in asked.read_text().split("\0")[:-1]), strict=True)
-    assert {f"stages/tasks/dvc.yaml:import_movement@{name}" for name in EVIL} <= set(stages)
-    assert all(re.fullmatch(r"stages/[a-z_/]+\.py( tasks)?", its) for its in words)
-    made = {path.name for path in project.iterdir()} - {"data", "reports"}
-    assert made == {".dvc", ".dvcignore", "stages", "src", "kept"}
+    assert {f"import_movement@{name}" for name in EVIL} == set(stages)
+    assert set(words) == {"-m structlearn.tasks.stages.import_task"}
+    assert {path.name for path in project.iterdir()} - {"data", "reports", "dvc.lock"} == before
     assert not list(tmp_path.rglob("*PWNED*"))
     assert kept.exists()
-    there, here = ({path.name for path in (one / "stages/tasks").iterdir()} for one in (project, root))
-    assert there | {"dvc.lock"} == here | {"dvc.lock"}
 
 
-@pytest.mark.parametrize("stage", ["import_task", "recorded_report"])
-def test_stages_refuse_a_name_that_is_none(root, tmp_path, monkeypatch, capsys, stage):
+@pytest.mark.parametrize("stage", [STAGES / "import_task.py", ROOT / "stages/recorded/recorded_report.py"])
+def test_stages_refuse_a_name_that_is_none(tmp_path, monkeypatch, capsys, stage):
     monkeypatch.chdir(tmp_path)
-    monkeypatch.setattr(sys, "argv", [f"{stage}.py"])
-    own_tasks(tmp_path)
+    monkeypatch.setattr(sys, "argv", [stage.name])
     for name in EVIL:
-        Path("stages/tasks/public.yaml").write_text(yaml.safe_dump({"movement": {name: REACH}}))
-        monkeypatch.setenv("DVC_STAGE", f"stages/tasks/dvc.yaml:import_movement@{name}")
+        own_tasks(tmp_path, **{name: REACH})
+        monkeypatch.setenv("DVC_STAGE", f"dvc.yaml:import_movement@{name}")
         with pytest.raises(SystemExit):
-            runpy.run_path(str(root / f"stages/tasks/{stage}.py"), run_name="__main__")
+            runpy.run_path(str(stage), run_name="__main__")
         error = capsys.readouterr().err.strip()
         assert error.startswith("error: ")
         assert error.endswith(NAME_RULE)
@@ -273,38 +269,11 @@ def test_stages_refuse_a_name_that_is_none(root, tmp_path, monkeypatch, capsys, 
 
 def test_commands_hold_nothing_that_a_user_named_and_stages_are_skipped_only_where_their_outs_are(root):
     """One without outs is up to date in every fresh clone, whatever is missing there."""
-    for file in ("dvc.yaml", "stages/tasks/dvc.yaml"):
-        for name, stage in yaml.safe_load((root / file).read_text())["stages"].items():
+    for file in (root / "dvc.yaml", STAGES / "pipeline.yaml", SETS / "pipeline.yaml"):
+        for name, stage in yaml.safe_load(file.read_text())["stages"].items():
             stage = stage.get("do", stage)
             assert "${" not in stage["cmd"], f"{file}: {name}"
             assert stage.get("outs") or stage.get("metrics") or stage.get("always_changed"), f"{file}: {name}"
-
-
-@pytest.mark.parametrize("goal", ["own", "check", "view", "inspect"])
-def test_make_hands_names_on_as_they_are(root, goal, tmp_path):
-    for name in (*EVIL[:5], "$(shell touch PWNED)"):
-        done = subprocess.run(
-            ["make", "-f", root / "Makefile", goal, f"TASK={name}", f"SOURCE={name}", "INSTALLED=", "BIN=."],
-            cwd=tmp_path, capture_output=True, text=True, check=False,
-        )  # fmt: skip
-        assert done.returncode != 0
-        assert not list(tmp_path.iterdir()), done.stdout
-
-
-def test_a_view_without_recordings_or_without_a_screen_is_one_line(root, tmp_path):
-    hidden = ("DISPLAY", "MAKE", "MFLAGS")  # the tests themselves may be run by make
-    variables = {key: value for key, value in environment().items() if not any(one in key for one in hidden)}
-    command = ["make", "--silent", "--file", root / "Makefile", "view", "TASK=pick", "INSTALLED=", "BIN=."]
-    told = []
-    for _ in range(2):
-        done = subprocess.run(command, cwd=tmp_path, env=variables, capture_output=True, text=True)
-        assert done.returncode != 0
-        told += [line for line in done.stderr.splitlines() if not line.startswith("make: ***")]
-        (tmp_path / "reports/tasks/pick/rerun").mkdir(parents=True, exist_ok=True)
-        (tmp_path / "reports/tasks/pick/rerun/primitives.rrd").touch()
-    without, unseen = told
-    assert without == "error: reports/tasks/pick/rerun: no recordings; make them first: make own TASK=pick"
-    assert unseen.endswith("make view WEB=1 TASK=pick")
 
 
 def test_the_example_passes_its_own_check():
@@ -312,7 +281,7 @@ def test_the_example_passes_its_own_check():
 
     Links are looked at every 0.1 s only: a touch between two looks would be missed.
     """
-    task = read_task("pick")
+    task = EXAMPLE_TASK
     demonstrations = [synchronise(as_recording(take), task.clock.rate_hz, 0.2) for take in takes(1, 3, 6)]
     primitives = learn_sequence(demonstrations, cut(demonstrations, task.segment).results, task.fit)
     box = demonstrated_workspace([one.position for one in demonstrations], task.skill.workspace_margin_m)
@@ -341,7 +310,7 @@ def test_executions_and_corrections_give_feedback(root, reduced_project, tmp_pat
         QUICK,
         scraping={"source": "bags/nominal", "topics": topics, "segment": segment, "feedback": feedback},
     )
-    run_stages(root, "scraping", *STAGES, "report")
+    run_stages("scraping", *LEARNING, "report")
     learned = read_skill("data/tasks/scraping/skill/skill.safetensors")
     assert set(learned.networks) == {"scrape"}
     assert learned.axes == ("z", "ry")
@@ -354,29 +323,20 @@ def test_executions_and_corrections_give_feedback(root, reduced_project, tmp_pat
     assert "10,False" in scores  # a setting that was not named only tests
 
 
-def test_the_three_commands_of_the_readme_run_as_they_stand(root, tmp_path):
-    """In a clone of their own, with an entry pasted; nothing that git keeps changes but what should."""
-    project, home = clone(root, tmp_path / "project"), tmp_path / "home"
-    (project / "dvc.yaml").unlink()  # of the simulated testbeds
+def test_the_commands_of_the_readme_run_as_they_stand(root, tmp_path):
+    """But for the viewer, which needs a screen."""
+    home, work = tmp_path / "home", tmp_path / "work"
     (home / "demonstrations").mkdir(parents=True)
+    work.mkdir()
     write_takes(takes(7, 3, 3), home / "demonstrations")
-    subprocess.run(["git", "add", "."], cwd=project, check=True)
-    with (project / "stages/tasks/own.yaml").open("a") as file:
-        file.write(readme(root, "yaml"))
-    commands = [line.split("#")[0].strip() for line in readme(root, "sh").splitlines()]
+    lines = [line.split("#")[0].strip() for line in readme(root, "sh").splitlines()]
+    commands = [line for line in lines if not line.startswith("structlearn view")]
+    assert len(commands) == len(lines) - 1 == 3
     caches = os.environ.get("XDG_CACHE_HOME") or str(Path.home() / ".cache")  # what is compiled already
-    variables = environment() | {"HOME": str(home), "XDG_CACHE_HOME": caches, "PYTHONPATH": str(root / "src")}
-    own = ["INSTALLED=", f"BIN={Path(sys.executable).parent}"]
-    for command, doing in zip(commands, ([], [], ["--dry-run"]), strict=True):  # no viewer without a screen
-        words = [word.replace("~", str(home)) for word in command.split()]
-        done = subprocess.run(
-            [*words, *own, *doing], cwd=project, env=variables, capture_output=True, text=True
-        )
-        assert done.returncode == 0, done.stdout + done.stderr
-    assert (project / "reports/tasks/pour/index.html").stat().st_size
-    assert not (project / "data/tasks/pick").exists()
-    changed = subprocess.run(
-        ["git", "status", "--short"], cwd=project, check=True, capture_output=True, text=True
-    ).stdout.splitlines()
-    kept = {line[3:] for line in changed if not line.startswith("A ")}
-    assert kept == {"stages/tasks/own.yaml", "stages/tasks/dvc.lock", "reports/tasks/pour/"}
+    variables = environment() | {"HOME": str(home), "XDG_CACHE_HOME": caches}
+    done = subprocess.run(
+        ["bash", "-e", "-c", "\n".join(commands)], cwd=work, env=variables, capture_output=True, text=True
+    )
+    assert done.returncode == 0, done.stdout + done.stderr
+    assert (work / "pour/reports/tasks/pour/index.html").stat().st_size
+    assert {path.name for path in work.iterdir()} == {"pour"}

@@ -5,19 +5,18 @@ from dataclasses import replace
 import numpy as np
 import pytest
 import yaml
-from committed import ROOT, own_tasks
 from conftest import minimum_jerk
 from readers_bags import joint_messages, pose_messages, transform_messages, transform_stamped, write_bag
 
+from dissertation.simulation.pick_and_place import TIP, URDF, takes, write_takes
 from structlearn.core.errors import InputError
-from structlearn.readers import bag
+from structlearn.readers import raw_messages
 from structlearn.readers.computed_pose import TransformSeries
-from structlearn.simulation.arm import urdf_path
+from structlearn.rigid_body.urdf import urdf_path
 from structlearn.tasks.inspection.proposal import from_home, task_name
 from structlearn.tasks.inspection.recordings_report import as_yaml, find_out, inspect
 from structlearn.tasks.inspection.source_survey import frame_pairs
-from structlearn.tasks.pick_and_place_world import TIP, URDF, takes, write_takes
-from structlearn.tasks.project import CLONE
+from structlearn.tasks.project import ENTRIES
 from structlearn.tasks.task_entry import read_task
 
 MS = 10**6
@@ -43,19 +42,20 @@ def answer(found, question):
 
 def as_task(entry, folder):
     """The task that an entry becomes at the end of the parameter file."""
-    own_tasks(folder)
-    (folder / CLONE / "own.yaml").write_text((ROOT / CLONE / "own.yaml").read_text() + entry)
+    (folder / ENTRIES).write_text(f"movement:\n{entry}")
     (name,) = yaml.safe_load(entry)
-    return read_task(name, folder / CLONE)
+    return read_task(name, folder / ENTRIES)
 
 
 def rewritten(source, target, topics, change=lambda topic, messages: messages):
     """Some topics of every bag of a folder, each changed or not."""
     target.mkdir()
     for path in sorted(source.iterdir()):
-        found = bag.read_bag(path, topics).messages
+        found = raw_messages.read_bag(path, topics).messages
         changed = {topic: change(topic, messages) for topic, messages in found.items()}
-        bag.write_bag(target / path.name, {"provenance": "{}", "true_segments": "null"}, changed.items())
+        raw_messages.write_bag(
+            target / path.name, {"provenance": "{}", "true_segments": "null"}, changed.items()
+        )
     return target
 
 

@@ -16,7 +16,8 @@ from structlearn.readers.bag_recording import write_joint_log
 from structlearn.readers.demonstration import Demonstration, Recording, Stream
 from structlearn.reporting.document import words_in_view
 from structlearn.reporting.findings import read_findings, values_by_key
-from structlearn.rigid_body.tree import read_urdf
+from structlearn.rigid_body.robot import read_urdf
+from structlearn.tasks.project import ENTRIES
 from structlearn.tasks.task_files import TaskFiles
 
 QUICK = {"training": {"iterations": 2}}
@@ -27,7 +28,7 @@ TASKS = {
     "touch": {"source": "touches", "change": "rises", "air_samples": test_own_touch.AIR, "touched": 5.0}
     | {"rival_samples": 50, "spaces": SPACES},
     "obstacles": {"source": "reaches", "topics": {"pose": "/pose", "obstacles": "/obstacles"}}
-    | {"folds": 2, "network": {"members": 1} | QUICK, "text_network": QUICK},
+    | {"folds": 2, "network": {"members": 1} | QUICK, "published_network": QUICK},
 }
 """An entry of each kind, called like its kind."""
 
@@ -40,14 +41,13 @@ def as_recording(one: Demonstration) -> Recording:
 
 
 @pytest.fixture(scope="module")
-def page(root, tmp_path_factory) -> Path:
+def page(tmp_path_factory) -> Path:
     """A folder in which all stages of the tasks were run."""
     folder = tmp_path_factory.mktemp("task")
     with pytest.MonkeyPatch.context() as patch:
         patch.chdir(folder)
-        own_tasks(folder)
         own = {kind: {kind: entry} for kind, entry in TASKS.items()}
-        Path("stages/tasks/own.yaml").write_text(yaml.safe_dump(own))
+        ENTRIES.write_text(yaml.safe_dump(own))
         Path("arm.urdf").write_text(test_task_motion.ARM)
         Path("logs").mkdir()
         for seed in range(2):
@@ -61,7 +61,7 @@ def page(root, tmp_path_factory) -> Path:
             table.to_csv(f"touches/{log.name}.csv", index=False)
         write_recordings([as_recording(one) for one in test_tasks_obstacles.recordings()], "reaches")
         for kind in TASKS:
-            run_stages(root, kind, "import_task", kind, "report")
+            run_stages(kind, "import_task", "learn", "report")
     return folder
 
 
@@ -88,7 +88,7 @@ def test_every_kind_has_its_page(page):
     assert (page / "data/tasks/touch/touch/latent.safetensors").is_file()
 
 
-def test_bags_of_touch_will_do(root, tmp_path, monkeypatch):
+def test_bags_of_touch_will_do(tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     bags = {
         "topics": {"tactile": "/tactile/0"},
@@ -101,19 +101,19 @@ def test_bags_of_touch_will_do(root, tmp_path, monkeypatch):
     pose = np.hstack([log.place, np.tile([1.0, 0.0, 0.0, 0.0], (len(stamps), 1))])
     streams = (Stream("/pose", "pose", stamps, pose), Stream("/tactile/0", "tactile", stamps, log.counts))
     write_recordings([Recording("run", streams, provenance={"origin": "recorded"})], "touches")
-    run_stages(root, "lab", "import_task", "touch")
+    run_stages("lab", "import_task", "learn")
     recordings = pd.read_parquet("data/tasks/lab/touch/recordings.parquet")
     assert recordings["touching"].tolist() == [400]
 
 
-def test_a_public_set_that_is_damaged_says_so_on_its_page(root, tmp_path, monkeypatch):
+def test_a_public_set_that_is_damaged_says_so_on_its_page(tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     monkeypatch.setenv("RECORDED_DATA", "sets")
     own_tasks(tmp_path, kind="motion", arm={"source": "$DATA/arm", "urdf": "$DATA/arm.urdf"})
     Path("sets/arm").mkdir(parents=True)
     Path("sets/arm/log.mcap").write_text("no bag")
     Path("sets/arm.urdf").write_text(test_task_motion.ARM)
-    run_stages(root, "arm", "import_task", "motion", "report")
+    run_stages("arm", "import_task", "learn", "report")
     left_out = TaskFiles("arm").left_out()
     assert left_out["reason"].item().startswith("arm/log.mcap: ")
     assert "arm/log.mcap: " in (tmp_path / "reports/tasks/arm/index.html").read_text()

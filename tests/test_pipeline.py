@@ -13,17 +13,13 @@ import pytest
 import yaml
 from committed import read_yaml
 from reduced_pipeline import artefacts, by_hand, clone, environment, repro
-from reporting_verdicts import AnyFigure
-from test_scraping_page import LISTED, Made
 from viewer_files import contents, values, view_names
 
-from structlearn.core.stage import TIMES, read_times, stage_parameters
-from structlearn.reporting.document import render, words_in_view
-from structlearn.testbeds.scraping.files import ScrapingFiles
-from structlearn.testbeds.scraping.page.stored import read_stored
+from structlearn.core.stage import TIMES, read_times
+from structlearn.reporting.document import words_in_view
 
 CUTTING = [
-    *("code", "scraping_record_nominal", "scraping_import_nominal"),
+    *("scraping_record_nominal", "scraping_import_nominal"),
     *("scraping_segment", "scraping_fit_primitives"),
 ]
 """Stages on which DVC itself is tried."""
@@ -114,21 +110,6 @@ def test_more_processes_give_the_same_bytes(reduced_project, copied):
     assert [path for path in once if once[path] != again[path]] == []
 
 
-def test_another_feedback_network_is_a_key(copied, example_networks, monkeypatch):
-    """It is trained, runs on the board and stands in the skill; the page leaves out its phase kernels."""
-    parameters = read_yaml(copied / "params.yaml")
-    parameters["train_feedback"]["network"] = "linear_feedback"
-    (copied / "params.yaml").write_text(yaml.safe_dump(parameters, sort_keys=False))
-    stages = [f"scraping_{one}" for one in ("train_feedback", "evaluate_feedback", "write_skill")]
-    by_hand(copied, stages, STRUCTLEARN_NETWORKS=example_networks)
-    for file in ("models/pointwise.safetensors", "skill.safetensors"):
-        assert b"linear_feedback" in (copied / "data/feedback/scraping" / file).read_bytes()
-    monkeypatch.chdir(copied)
-    settings = {key: stage_parameters(key, model) for page in LISTED.values() for key, model in page.items()}
-    page = Made(read_stored(ScrapingFiles(), settings)).pages["feedback"]
-    assert "As figure IV.16 bottom" not in render(page, AnyFigure())
-
-
 def test_dvc_makes_the_same_and_keeps_the_times(watched, reduced_project):
     made, by_hand = artefacts(watched), artefacts(reduced_project)
     assert {path: data for path, data in made.items() if path.startswith("data")}.items() <= by_hand.items()
@@ -147,15 +128,52 @@ def test_a_changed_parameter_reruns_only_what_depends_on_it(watched):
     assert repro(watched, CUTTING[-1]) == []  # nothing is done again
 
 
-def test_rewording_a_page_makes_only_that_page_again(watched):
-    """Of all lists of code, that of its report changes; so the front page runs after it, and nothing else."""
-    template = watched / "src/structlearn/testbeds/obstacles/page/obstacles.html.jinja"
-    lists, text = watched / "data/code/main", template.read_text()
-    before = {path: path.read_bytes() for path in lists.rglob("*.txt")}
-    template.write_text(text + "\n")
-    assert repro(watched, "code") == ["code"]
-    assert [path for path in before if path.read_bytes() != before[path]] == [lists / "obstacles/report.txt"]
-    template.write_text(text)
+EDITS = {
+    "stages/scraping/segment.py": {"scraping_segment"},
+    "src/dissertation/obstacles/page/obstacles.html.jinja": {"obstacles_report"},
+    "src/structlearn/policy_search/pi2.py": {
+        *("scraping_refine", "scraping_evaluate_refinement", "scraping_compare_search"),
+        *("scraping_view", "scraping_report", "scraping_loop"),
+    },
+    "params.yaml": {
+        *("scraping_segment", "scraping_sweep", "scraping_write_skill", "scraping_view", "engines"),
+        *(f"{testbed}_{shown}" for testbed in TESTBEDS for shown in ("report", "view")),
+    },
+}
+"""By an edited file: the stages that are no longer up to date. The parameter is one that several share."""
+
+
+@pytest.fixture(scope="module")
+def up_to_date(reduced_project, tmp_path_factory) -> Path:
+    """The finished project, whose stages DVC takes as it finds them."""
+    project = Path(
+        shutil.copytree(reduced_project, tmp_path_factory.mktemp("dvc") / "project", symlinks=True)
+    )
+    assert status(project) != {}
+    subprocess.run([sys.executable, "-m", "dvc", "commit", "--force", "--quiet"], cwd=project, check=True)
+    return project
+
+
+def status(project: Path, *stages: str) -> dict[str, list[object]]:
+    """What DVC says has changed, by stage."""
+    command = [sys.executable, "-m", "dvc", "status", "--json", *stages]
+    return json.loads(subprocess.run(command, cwd=project, check=True, capture_output=True).stdout)
+
+
+@pytest.mark.parametrize("file", EDITS)
+def test_status_and_single_stages_see_an_edit_at_once(up_to_date, file):
+    """Of a script, a source, a template, a parameter; also if a single stage is asked for."""
+    path = up_to_date / file
+    text = path.read_text()
+    assert status(up_to_date) == {}
+    path.write_text(
+        text.replace("extension_s: ", "extension_s: 1") if path.suffix == ".yaml" else text + "\n"
+    )
+    assert set(status(up_to_date)) == EDITS[file]
+    stage = min(EDITS[file])
+    assert set(status(up_to_date, stage)) == {stage}
+    assert repro(up_to_date, "--single-item", "--dry", stage) == [stage]
+    path.write_text(text)
 
 
 def test_a_killed_stage_leaves_nothing_half_written(reduced_project, copied):

@@ -1,29 +1,27 @@
 """The pipeline of tasks on public sets, end to end, on reduced parameters: on all, and on very few."""
 
 import json
+import re
 import shutil
 from pathlib import Path
 
 import numpy as np
 import pandas as pd
 import pytest
-from committed import read_yaml
-from reduced_pipeline import by_hand, clone, repro
+from committed import SETS, read_yaml
+from reduced_pipeline import by_hand, clone, recorded_project, repro
 
 from structlearn.reporting.document import words_in_view
 from structlearn.reporting.findings import read_findings, values_by_key
-
-FILE = "stages/tasks/dvc.yaml"
 
 ARRIVED = "servo_length_ratio"
 """Claim on the trials that arrive: after so little training none may."""
 
 
 @pytest.fixture(scope="module")
-def sets(root) -> list[str]:
+def sets() -> list[str]:
     """Names of all public sets."""
-    public = read_yaml(root / "stages/tasks/public.yaml")
-    return [name for tasks in public.values() for name in tasks]
+    return [name for tasks in read_yaml(SETS / "public.yaml").values() for name in tasks]
 
 
 @pytest.fixture(scope="module")
@@ -49,14 +47,14 @@ def few(root, source, tmp_path_factory) -> Path:
     """Every stage has run on all that this source holds."""
     project = clone(root, tmp_path_factory.mktemp("few"))
     (project / "data/raw/scraping/unrolls").mkdir(parents=True)
-    return by_hand(project, file=FILE, RECORDED_DATA=str(source))
+    return by_hand(recorded_project(project, source), RECORDED_DATA=str(source))
 
 
 def test_everything_that_is_here_is_shown(root, recorded_data, reduced_project, tmp_path, sets):
     project = clone(root, tmp_path)
     simulated = "data/raw/scraping/unrolls"  # whose touch is compared with what was recorded
     shutil.copytree(reduced_project / simulated, project / simulated)
-    by_hand(project, file=FILE, RECORDED_DATA=str(recorded_data.resolve()))
+    project = by_hand(recorded_project(project, recorded_data), RECORDED_DATA=str(recorded_data.resolve()))
     index = (project / "reports/recorded/index.html").read_text()
     assert "Not recorded here" not in index
     assert all(f'href="../tasks/{name}/index.html"' in index for name in sets)
@@ -85,6 +83,12 @@ def test_the_pipeline_goes_on_with_what_there_is(few, sets):
 
 
 def test_the_import_runs_whenever_dvc_is_asked_for_anything(few, source):
-    asked, variables = f"{FILE}:segment@reaches", {"RECORDED_DATA": str(source)}
-    assert repro(few, asked, **variables) == [f"{FILE}:code", f"{FILE}:import_movement@reaches", asked]
-    assert repro(few, asked, **variables) == [f"{FILE}:import_movement@reaches"]
+    asked, variables = "segment@reaches", {"RECORDED_DATA": str(source)}
+    assert repro(few, asked, **variables) == ["import_movement@reaches", asked]
+    assert repro(few, asked, **variables) == ["import_movement@reaches"]
+    code = few / ".structlearn.yaml"
+    text = code.read_text()
+    code.write_text(re.sub("(?m)^viewer: .*", "viewer: changed", text))
+    assert repro(few, asked, **variables) == ["import_movement@reaches"]
+    code.write_text(re.sub("(?m)^segmentation: .*", "segmentation: changed", text))
+    assert repro(few, asked, **variables) == ["import_movement@reaches", asked]

@@ -8,11 +8,7 @@ import pytest
 from committed import committed
 from made_up_environment import KERNELS, MadeUp
 
-from structlearn.core.errors import InputError
-from structlearn.feedback.models.pmnn import open_loop
-from structlearn.policy_search.pi2 import PI2Parameters, SearchDistribution, update
-from structlearn.policy_search.refinement import Rollout, kernel_activation
-from structlearn.policy_search.sample_efficiency import (
+from dissertation.scraping.protocol.sample_efficiency import (
     CMA_ES,
     JUDGED,
     PI2,
@@ -22,6 +18,10 @@ from structlearn.policy_search.sample_efficiency import (
     PathIntegralSearch,
     compare,
 )
+from structlearn.core.errors import InputError
+from structlearn.feedback.models.pmnn import open_loop
+from structlearn.policy_search.pi2 import PI2Parameters, SearchDistribution, update
+from structlearn.policy_search.refinement import Rollout, kernel_activation
 
 START, EXPLORATION = np.zeros(KERNELS), 4.0
 SEARCH = committed(PI2Parameters, "refine.search", samples=20)

@@ -9,7 +9,6 @@ from hypothesis import strategies as st
 from primitives_movements import rngs
 from scipy.optimize import minimize_scalar
 
-from structlearn.core.errors import InputError
 from structlearn.policy_search.pi2 import (
     CovarianceParameters,
     PI2Parameters,
@@ -18,7 +17,7 @@ from structlearn.policy_search.pi2 import (
     bounded_temperatures,
     cost_to_go,
     covariance_factor,
-    normalised,
+    normalised_costs,
     probabilities,
     sample,
     sample_weights,
@@ -166,7 +165,7 @@ def test_arrays_that_do_not_fit_are_named(change, message):
         distribution, policies, costs, *activation = change(*random_rollouts(np.random.default_rng(0)))
         update(distribution, policies, costs, DEFAULT, *activation)
 
-    with pytest.raises(InputError, match=message):
+    with pytest.raises(ValueError, match=message):
         updated()
 
 
@@ -231,16 +230,16 @@ def random_costs(rng, samples, steps):
     costs = np.exp(rng.uniform(0.0, 4.0, steps) * rng.normal(size=(samples, steps)))
     tied = rng.random(steps) < 0.3
     costs[:, tied] = np.round(costs[:, tied]) * (1.0 + rng.choice([0.0, 1e-6]) * rng.random(samples)[:, None])
-    return normalised(costs)
+    return normalised_costs(costs)
 
 
 @given(rng=rngs, samples=st.integers(2, 40), scale=st.floats(1e-6, 1e6), shift=st.floats(-1e3, 1e3))
 def test_normalised_costs_span_0_to_1_and_do_not_depend_on_shift_and_scale(rng, samples, scale, shift):
     costs = rng.normal(size=(samples, 7))
-    relative = normalised(costs)
+    relative = normalised_costs(costs)
     assert np.all(relative.min(axis=0) == 0)
     assert np.all(relative.max(axis=0) == 1)
-    np.testing.assert_allclose(normalised(scale * (costs + shift)), relative, atol=1e-9)
+    np.testing.assert_allclose(normalised_costs(scale * (costs + shift)), relative, atol=1e-9)
 
 
 @pytest.mark.parametrize(
@@ -251,7 +250,7 @@ def test_normalised_costs_span_0_to_1_and_do_not_depend_on_shift_and_scale(rng, 
     ],
 )
 def test_equal_and_huge_costs_are_normalised(costs, expected):
-    np.testing.assert_allclose(normalised(np.array(costs)), expected)
+    np.testing.assert_allclose(normalised_costs(np.array(costs)), expected)
 
 
 @given(rng=rngs, samples=st.integers(2, 60), kl_bound=st.floats(1e-3, 3.0))

@@ -11,8 +11,8 @@ from made_up_environment import CHANNELS, KERNELS, LEARNED, NEW, PHASE, TICKS, M
 
 from structlearn.core.errors import InputError
 from structlearn.feedback.coupling_dataset import concatenated
-from structlearn.feedback.coupling_model import TrainingParameters, train_final
-from structlearn.feedback.models.pmnn import PhaseModulatedNetwork, open_loop
+from structlearn.feedback.models.pmnn import open_loop
+from structlearn.feedback.trainers import TrainingParameters, train_final
 from structlearn.policy_search import refinement
 from structlearn.policy_search.pi2 import PI2Parameters, SearchDistribution, covariance_factor, sample
 from structlearn.policy_search.refinement import (
@@ -51,7 +51,7 @@ def demonstrations():
 @pytest.fixture(scope="module")
 def initial(demonstrations):
     untrained = random_network(np.random.default_rng(1), CHANNELS, hidden=(6,), kernels=KERNELS)
-    return train_final(PhaseModulatedNetwork, demonstrations, PARAMETERS.training, initial=untrained)
+    return train_final("pmnn", demonstrations, PARAMETERS.training, initial=untrained)
 
 
 @pytest.fixture(scope="module")

@@ -9,17 +9,16 @@ from committed import committed_entry
 from motion_tables import made_up
 from readers_bags import recorded_data
 
+from dissertation.evidence.claims import judge, read_claims
+from dissertation.recorded.readers import kuka_lwr4, ur10e
 from structlearn.core.errors import MissingInputError
-from structlearn.readers import kuka_lwr4, ur10e
 from structlearn.readers.joint_log import DriveLog
-from structlearn.reporting.claims import judge, read_claims
-from structlearn.reporting.document import environment
 from structlearn.rigid_body.model_comparison import LEAST_SQUARES
-from structlearn.tasks.motion import motion_parameters as protocol
+from structlearn.tasks.motion import parameters as protocol
 from structlearn.tasks.motion.drives_and_load import found_gains
-from structlearn.tasks.motion.joint_motion import CARRIES, arm_of, learn_motion, logs_that_are_there
+from structlearn.tasks.motion.joint_motion import CARRIES, learn_motion, logs_that_are_there, read_arm
 from structlearn.tasks.motion.motion_results import MotionResults, motion_findings
-from structlearn.tasks.motion.motion_section import motion_facts, motion_tables
+from structlearn.tasks.motion.page import motion_facts, motion_tables
 
 PARAMETERS = committed_entry("ur10e")
 DRIVES, LOAD = PARAMETERS.drives, PARAMETERS.load
@@ -27,9 +26,9 @@ DRIVES, LOAD = PARAMETERS.drives, PARAMETERS.load
 
 def verdicts(root, name: str, results: MotionResults) -> dict[str, str]:
     """By evidence."""
-    claims = read_claims(root / f"stages/tasks/claims/{name}.yaml")
+    claims = read_claims(root / f"src/dissertation/recorded/claims/{name}.yaml")
     facts = {"published": {"default_nmse": 0.74, "structures_nmse": 0.35}, "motion": motion_facts(results)}
-    judged = judge(claims, motion_findings(results), environment("structlearn.tasks"), facts)
+    judged = judge(claims, motion_findings(results), facts)
     return {one.claim.evidence: one.verdict for one in judged}
 
 
@@ -115,7 +114,7 @@ def test_other_logs_take_the_place_of_those_that_are_missing():
 def identified(name: str, logs: list, folder, **changes) -> SimpleNamespace:
     """Tables of a public set by name, with reduced settings."""
     chosen = committed_entry(name, urdf=str(recorded_data(name) / f"{name}.urdf"), draws=100, **changes)
-    robot, urdf = arm_of(chosen)
+    robot, urdf = read_arm(chosen)
     _, tables = learn_motion(robot, {log.name: log for log in logs}, chosen, urdf, folder)
     return SimpleNamespace(**tables, robot=robot, chosen=chosen, urdf=folder / "identified.urdf")
 

@@ -36,10 +36,11 @@ from structlearn.readers import (
     read_recordings,
     write_recording,
 )
-from structlearn.readers.bag import LARGEST_CHUNK
 from structlearn.readers.bag_recording import open_bag
-from structlearn.readers.messages import MESSAGE_TYPES, definition
-from structlearn.readers.source import OptionalTopicMap, as_recording_file, recording_files
+from structlearn.readers.message_streams import MESSAGE_TYPES, definition
+from structlearn.readers.raw_messages import LARGEST_CHUNK
+from structlearn.readers.source_files import as_recording_file, recording_files
+from structlearn.readers.topics import OptionalTopicMap
 
 STAMPS = [10**9 + row * 10**7 for row in range(4)]
 POSES = pose_messages(STAMPS, pose_rows(4))
@@ -318,7 +319,7 @@ def test_without_the_extra_it_is_said_how_to_get_it(tmp_path, monkeypatch, name)
     for module in ("rosbags", "rosbags.highlevel", "rosbags.rosbag1"):
         monkeypatch.setitem(sys.modules, module, None)
     (tmp_path / name).touch()
-    with pytest.raises(InputError, match=rf"{name}: .* `rosbags`, .*: `make own` installs it, or `pip inst"):
+    with pytest.raises(InputError, match=rf"{name}: .* `rosbags`, .*: `pip install structlearn"):
         read_recordings(tmp_path, TOPICS)
 
 

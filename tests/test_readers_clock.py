@@ -19,7 +19,6 @@ from structlearn.readers import (
     read_recording,
     synchronise,
 )
-from structlearn.readers.bag import read_bag
 from structlearn.readers.clock import (
     check_recording,
     held_out_error,
@@ -27,7 +26,8 @@ from structlearn.readers.clock import (
     longest_increase,
     shared_stamps,
 )
-from structlearn.readers.source import AS_WRITTEN
+from structlearn.readers.raw_messages import read_bag
+from structlearn.readers.source_parameters import AS_WRITTEN
 from structlearn.tasks.inspection import clocks as survey
 
 UNIX = 1581238055_716234152

@@ -24,7 +24,7 @@ from readers_bags import (
 )
 
 from structlearn.core.errors import InputError
-from structlearn.readers import cdr
+from structlearn.readers import decoded_messages
 
 STAMPS = [10**9 + 7_000_001 * row for row in range(5)]
 ROWS = pose_rows(5)
@@ -248,7 +248,7 @@ def encoded(text, messages):
 
 def columns(text, data):
     table = np.frombuffer(b"".join(data), dtype=np.uint8).reshape(len(data), -1)
-    fields, alike = cdr.columns("pkg/msg/Own", text, table) or (None, np.zeros(1))
+    fields, alike = decoded_messages.columns("pkg/msg/Own", text, table) or (None, np.zeros(1))
     return fields if alike.all() else None
 
 

@@ -7,23 +7,14 @@ import pytest
 from readers_bags import recorded_data
 from readers_sets import BOXES, SHAPE, write_boxes, write_kuka, write_skin, write_ur10e
 
+from dissertation.recorded.readers import clmc, eflesh, kuka_lwr4, panda, slide, ur10e
+from dissertation.recorded.readers.reaches_past_boxes import read_obstacles, unity_rotation, unity_to_base
 from structlearn.core import quaternion
 from structlearn.core.errors import InputError, MissingInputError
-from structlearn.readers import (
-    clmc,
-    eflesh,
-    kuka_lwr4,
-    panda,
-    read_demonstrations,
-    slide,
-    synchronise,
-    ur10e,
-    write_recordings,
-)
+from structlearn.readers import read_demonstrations, synchronise, write_recordings
 from structlearn.readers.joint_log import DriveLog
-from structlearn.readers.reaches_past_boxes import read_obstacles, unity_rotation, unity_to_base
 from structlearn.readers.user_tables import read_touch_logs, read_touch_table, write_touch_logs
-from structlearn.tasks.motion.drives_and_load import on_clock
+from structlearn.tasks.motion.drives_and_load import log_on_clock
 
 ROWS = 6
 
@@ -365,7 +356,7 @@ def test_each_current_is_put_back_to_when_it_acted():
     states = {"positions": np.sin(3.0 * time + [0, 1]), "velocities": 3.0 * np.cos(3.0 * time + [0, 1])}
     states |= {"currents": np.sin(3.0 * (time - late) + [0, 1])}
     log = DriveLog("run", ("one", "two"), stamps, **states, desired_currents=zero, target_torques=zero)
-    times, positions, _, found = on_clock(log, 100.0, late)
+    times, positions, _, found = log_on_clock(log, 100.0, late)
     np.testing.assert_allclose(np.diff(times), 0.01, atol=1e-12)
     np.testing.assert_allclose(found, positions, atol=5e-4)  # of linear interpolation
 

@@ -12,7 +12,7 @@ from readers_bags import pose_messages, pose_rows, write_bag
 
 from structlearn.core.errors import InputError
 from structlearn.readers import read_demonstrations, read_recording, read_recordings
-from structlearn.readers.foreign_tables import PublicSet, read_stamped_table, read_table, uniform_stamps
+from structlearn.readers.foreign_tables import PublicSet, read_stamped_table, read_text_table, uniform_stamps
 from structlearn.readers.user_tables import TABLE_TOPICS
 
 TIMES = ["1700000000.000000001", "1700000000.01", "1700000000.02", "1700000000.03"]
@@ -145,9 +145,9 @@ def log(tmp_path):
 
 
 def test_white_space_blank_lines_a_header_commas_and_one_at_the_end_of_lines(log):
-    table = read_table(log("1 2.5\t-3e2\n\n  4   5 6 \n\n"), 3)
+    table = read_text_table(log("1 2.5\t-3e2\n\n  4   5 6 \n\n"), 3)
     np.testing.assert_array_equal(table, [[1, 2.5, -300], [4, 5, 6]])
-    table = read_table(log("time,a, b\r\n1,2,3,\r\n4,5,6\r\n"), 3, separator=",", header_lines=1)
+    table = read_text_table(log("time,a, b\r\n1,2,3,\r\n4,5,6\r\n"), 3, separator=",", header_lines=1)
     np.testing.assert_array_equal(table, [[1, 2, 3], [4, 5, 6]])
 
 
@@ -172,7 +172,7 @@ def test_any_printed_time_is_read_exactly(tmp_path_factory, stamp):
         (b"\xff\xfe1 2\n", "not a text file"),
     ],
 )
-@pytest.mark.parametrize("read", [read_table, read_stamped_table])
+@pytest.mark.parametrize("read", [read_text_table, read_stamped_table])
 def test_faults_are_named_with_file_and_line(log, read, text, complaint):
     with pytest.raises(InputError, match=rf"log\.txt: {complaint}"):
         read(log(text), 2)

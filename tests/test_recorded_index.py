@@ -1,21 +1,22 @@
 """Public sets: one that is here, one that is not, and the page over both; the commands that make them."""
 
 import re
-import shutil
+from collections.abc import Iterator
 from pathlib import Path
 
 import pandas as pd
 import pytest
 import yaml
-from committed import ROOT, own_tasks
-from test_own_demonstrations import QUICK, REACH, run_stages, write_reach
+from committed import ROOT, merged, run_stages
+from test_own_demonstrations import QUICK, REACH, write_reach
 
+from dissertation.evidence.claims import claims_table
+from dissertation.recorded import recorded_index, set_page
+from dissertation.recorded import sets_project as project_of_sets
+from dissertation.recorded.recorded_index import publish_index, reload_verdicts
 from structlearn.core.errors import InputError
-from structlearn.reporting.claims import claims_table
 from structlearn.reporting.document import words_in_view
-from structlearn.tasks.project import CLONE
-from structlearn.tasks.recorded_index import judged_again, publish_index
-from structlearn.tasks.task_entry import targets
+from structlearn.tasks.project import ENTRIES
 
 LIKE = {"testbed": "scraping", "statement": "Cuts are found", "page": "index"}
 CLAIM = {"statement": "Nearly all are cut", "source": "aim", "by": "ours", "evidence": "cuts_demonstrations"}
@@ -29,35 +30,41 @@ SETS = {
 
 
 @pytest.fixture(scope="module")
-def project(root, tmp_path_factory) -> Path:
+def project(tmp_path_factory) -> Iterator[Path]:
     """All stages of both sets have run, of which one is not here."""
-    folder = tmp_path_factory.mktemp("public")
+    clone = tmp_path_factory.mktemp("public")
+    folder = clone / "data/recorded"
     with pytest.MonkeyPatch.context() as patch:
+        folder.mkdir(parents=True)
         patch.chdir(folder)
         patch.setenv("RECORDED_DATA", "sets")
-        own_tasks(folder, QUICK)
-        Path("stages/tasks/public.yaml").write_text(yaml.safe_dump(SETS, sort_keys=False))
+        own = SETS | {"movement": {"moves": merged({"fit": QUICK["fit"]}, SETS["movement"]["moves"])}}
+        ENTRIES.write_text(yaml.safe_dump(own, sort_keys=False))
         quoted = {"says": "Of {{ cuts_demonstrations }} all.", "figure": ["space-1.svg"]}
         quoted["opening"] = {"fit-1.svg": "A fit."}
-        Path("stages/tasks/recorded.yaml").write_text(yaml.safe_dump({"moves": quoted}))
-        Path("stages/tasks/claims").mkdir()
+        (clone / "recorded.yaml").write_text(yaml.safe_dump({"moves": quoted}))
+        (clone / "claims").mkdir()
         for name, claims in {
             "moves": [CLAIM | {"simulated": LIKE}, CLAIM | {"statement": "All are", "bound": 4}],
             "arm": [CLAIM | {"statement": "Torques are predicted", "evidence": "nmse"}],
         }.items():
-            Path(f"stages/tasks/claims/{name}.yaml").write_text(yaml.safe_dump(claims))
+            (clone / f"claims/{name}.yaml").write_text(yaml.safe_dump(claims))
+        (clone / "claims/published.yaml").write_text("{}")
+        patch.setattr(recorded_index, "HERE", clone)
+        patch.setattr(recorded_index, "QUOTED", clone / "recorded.yaml")
+        patch.setattr(set_page, "CLAIMS", clone / "claims")
         Path("sets/moves").mkdir(parents=True)
         for number, (duration, rest) in enumerate([(1.0, 0.5), (1.3, 0.7), (0.8, 0.4)], start=1):
             write_reach(Path(f"sets/moves/{number}.mcap"), duration, rest)
-        Path("reports/scraping/tables").mkdir(parents=True)
+        (clone / "reports/scraping/tables").mkdir(parents=True)
         row = {"by": "published", "statement": LIKE["statement"], "case": "", "verdict": "yes"}
-        pd.DataFrame([row]).to_csv("reports/scraping/tables/claims.csv", index=False)
-        run_stages(
-            root, "moves", "import_task", "segment", "primitives", "feedback", "skill", "check", "report"
-        )
-        run_stages(root, "arm", "import_task", "motion", "report")
+        pd.DataFrame([row]).to_csv(clone / "reports/scraping/tables/claims.csv", index=False)
+        learning = ("segment", "primitives", "feedback", "skill", "check")
+        page = ROOT / "stages/recorded/report.py"
+        run_stages("moves", "import_task", *learning, page)
+        run_stages("arm", "import_task", "learn", page)
         publish_index()
-    return folder
+        yield folder
 
 
 @pytest.fixture
@@ -86,18 +93,18 @@ def test_verdicts_are_those_of_the_sets_beside_those_of_simulation(inside):
     assert table["verdict_of_all"].tolist() == ["yes", "no", "not tested"]
     assert table["simulated"].tolist() == ["yes", "", ""]
     own = pd.read_csv("reports/tasks/moves/tables/claims.csv", keep_default_na=False)
-    again = claims_table(judged_again("moves", ""))
+    again = claims_table(reload_verdicts("moves", ""))
     pd.testing.assert_frame_equal(again[own.columns], own)
-    assert judged_again("moves", "")[0].claim.note == "of all"
+    assert reload_verdicts("moves", "")[0].claim.note == "of all"
 
 
-def test_make_asks_for_the_stages_of_sets_whose_folder_is_there(inside, monkeypatch):
-    shutil.copy(ROOT / CLONE / "dvc.yaml", CLONE)
-    of_arm = [f"stages/tasks/dvc.yaml:{stage}@arm" for stage in ("import_motion", "motion")]
-    asked = targets("public.yaml")
-    assert asked[0] == "stages/tasks/dvc.yaml:import_movement@moves"
-    assert asked[asked.index(of_arm[0]) :] == targets("own.yaml", "arm")
-    assert targets("own.yaml", "arm")[:2] == of_arm
+def test_the_project_is_written_where_there_is_a_public_set(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
     monkeypatch.setenv("RECORDED_DATA", "elsewhere")
     with pytest.raises(InputError, match=r"^elsewhere: holds no public set"):
-        targets("public.yaml")
+        project_of_sets.main()
+    assert not Path("data").exists()
+    Path("elsewhere/slide").mkdir(parents=True)
+    project_of_sets.main()
+    made = {path.name for path in Path("data/recorded").iterdir()}
+    assert made >= {".dvc", "dvc.yaml", "structlearn.yaml", ".structlearn.yaml"}

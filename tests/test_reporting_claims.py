@@ -6,41 +6,41 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
-from jinja2 import Environment, StrictUndefined, UndefinedError
+from jinja2 import UndefinedError
 
-from structlearn.reporting.claims import (
+from dissertation.evidence.claims import (
     BY_CONSTRUCTION,
     NO,
     NO_DIFFERENCE,
-    NOT_TESTED,
     UNDECIDED,
-    UNKNOWN,
     VERDICTS,
     YES,
     Claim,
-    Evidence,
-    by_case,
     claim_metrics,
     claims_table,
-    clustered_share,
     combined,
-    counted,
+    judge,
+    on_recordings,
+    read_claims,
+)
+from structlearn.reporting.evidence import (
+    NOT_TESTED,
+    UNKNOWN,
+    Evidence,
+    by_case,
+    clustered_share,
     difference,
     exact,
+    exact_count,
     geometric_mean,
     in_words,
-    judge,
     mean,
     none_of,
-    on_recordings,
     rate_difference,
-    read_claims,
     share,
     unknown,
 )
 from structlearn.reporting.prose import percent
-
-ENVIRONMENT = Environment(undefined=StrictUndefined)
 
 
 def claim(test="above", bound=0.0, **entries):
@@ -48,7 +48,7 @@ def claim(test="above", bound=0.0, **entries):
 
 
 def judged(claims, found):
-    return judge(claims, found, ENVIRONMENT, {})
+    return judge(claims, found, {})
 
 
 def within(low, high):
@@ -102,7 +102,7 @@ def test_a_row_says_why_it_is_not_tested():
 
 
 def test_zero_means_none_at_all():
-    found = (counted(0, 63), counted(1, 63), UNKNOWN)
+    found = (exact_count(0, 63), exact_count(1, 63), UNKNOWN)
     assert [claim("zero").verdict(one) for one in found] == [YES, NO, NOT_TESTED]
 
 
@@ -125,7 +125,7 @@ def test_a_rate_is_never_rounded_to_none_or_all(n, data):
 def test_numbers_in_words():
     assert in_words(within(0.1, 0.3), ".2f", "rad") == "0.20 [0.10, 0.30] rad"
     assert in_words(exact(-0.001, 4), ".2f") == "0.00"
-    assert in_words(counted(3, 63), "count") == "3 of 63"
+    assert in_words(exact_count(3, 63), "count") == "3 of 63"
     assert in_words(share(503, 504), "share").startswith("99.8 %")
     assert in_words(UNKNOWN, ".2f") == NOT_TESTED
 

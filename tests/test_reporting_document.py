@@ -1,4 +1,4 @@
-"""Documents: templates with strict names, anchors, sources; reports as files, byte for byte the same."""
+"""Documents: templates with strict names, anchors, sources, verdicts; reports, byte for byte the same."""
 
 import json
 import sys
@@ -8,8 +8,10 @@ import pandas as pd
 import pytest
 from jinja2 import UndefinedError
 
-from structlearn.reporting.claims import VERDICTS, Claim, exact, judge
+from dissertation.evidence.claims import VERDICTS, Claim, judge
+from dissertation.evidence.judged_page import JudgedDocument, publish_judged
 from structlearn.reporting.document import Document, Panel, Source, Table, environment, render, words_in_view
+from structlearn.reporting.evidence import exact
 from structlearn.reporting.figure_style import PANEL_WIDTH, Raster, canvas, styled
 from structlearn.reporting.findings import Findings
 from structlearn.reporting.publishing import publish_report
@@ -44,18 +46,20 @@ def package(tmp_path, monkeypatch):
     environment.cache_clear()
 
 
-def document(package, **changes):
-    claim = Claim(statement="{{ name }} holds", source="IV", evidence="it", test="zero")
-    judged = judge([claim], {"it": exact(0.0, 7)}, environment(package), FACTS)
+def document(package, kind=Document, **changes):
     parts = {
         "facts": FACTS,
         "tables": {"rows": ROWS},
-        "judged": judged,
         "sources": {"scores": Source("data/scores.parquet", "score")},
         "recordings": "../rerun/made_up",
         "simulated": True,
     }
-    return Document("page.html.jinja", package, "report_made_up", **parts | changes)
+    return kind("page.html.jinja", package, "report_made_up", **parts | changes)
+
+
+def judged_document(package):
+    claim = Claim(statement="{{ name }} holds", source="IV", evidence="it", test="zero")
+    return document(package, JudgedDocument, judged=judge([claim], {"it": exact(0.0, 7)}, FACTS))
 
 
 @styled
@@ -71,7 +75,7 @@ PANELS = {"curve": [Panel("figures/curve.svg", 451, 192)]}
 def test_a_page_has_anchors_sources_and_escapes_what_it_is_given(package):
     html = render(document(package), PANELS)
     assert '<a href="#first-foremost">First &amp; foremost</a>' in html.split("<main>")[0]
-    assert "&lt;Page&gt; holds" in html
+    assert "<h1>&lt;Page&gt;" in html
     assert "<em>eye</em>" in html
     assert "All &lt;rows&gt;." in html
     assert "dvc repro score" in html
@@ -95,23 +99,32 @@ def test_a_number_that_no_run_gave_has_a_word(package, value):
     assert '<p class="lead">unknown</p>' in render(document(package, facts=FACTS | {"error": value}), PANELS)
 
 
-def publish_twice(package, tmp_path, drawings, headlines=("error",), numbers=None):
+def test_verdicts_stand_before_the_sections_of_a_page_of_the_reproduction(package):
+    html, plain = render(judged_document(package), PANELS), render(document(package), PANELS)
+    assert "&lt;Page&gt; holds" in html
+    assert html.index('<p class="lead">') < html.index('id="verdicts"') < html.index('id="first-foremost"')
+    assert '<a class="up" href="../index.html">' in html
+    assert '<a href="../scraping/index.html">' in html
+    for theirs in ("erdict", "../index.html", "../scraping", "testbed"):  # a lab's page links to no testbed
+        assert theirs not in plain.partition("</style>")[2]
+
+
+def publish_twice(publish, page, tmp_path, drawings, headlines=("error",), numbers=None):
     find = Findings.of_metrics(numbers or {"error": 1.5, "other": 2}, headlines)
     written = []
     for name in ("a", "b"):
-        publish_report(tmp_path / name, {"index": document(package)}, drawings(), {"rows": ROWS}, find)
+        publish(tmp_path / name, {"index": page}, drawings(), {"rows": ROWS}, find)
         written.append({path.name: path.read_bytes() for path in (tmp_path / name).rglob("*.*")})
     assert written[0] == written[1]
     return written[0]
 
 
 def test_a_report_has_the_same_bytes_every_time(package, tmp_path):
-    files = publish_twice(
-        package, tmp_path, lambda: {"curve": [curve(), curve(-1.0)], "dots": Raster(curve())}
-    )
-    assert {"curve-1.svg", "curve-2.svg", "dots.png", "rows.csv", "claims.csv", "index.html"} <= set(files)
-    counts = {f"claims_{word.replace(' ', '_')}": int(word == "yes") for word in VERDICTS}
-    assert json.loads(files["metrics.json"]) == {"error": 1.5} | counts
+    drawings = {"curve": [curve(), curve(-1.0)], "dots": Raster(curve())}
+    files = publish_twice(publish_report, document(package), tmp_path, lambda: drawings)
+    written = {"curve-1.svg", "curve-2.svg", "dots.png", "rows.csv", "index.html"}
+    assert set(files) == written | {"findings.csv", "metrics.json"}
+    assert json.loads(files["metrics.json"]) == {"error": 1.5}
     assert files["findings.csv"].splitlines()[1:] == [
         b"error,,1.5,1.5,1.5,1,,,True,,",
         b"other,,2,2,2,1,,,False,,",
@@ -119,7 +132,16 @@ def test_a_report_has_the_same_bytes_every_time(package, tmp_path):
     assert b"figures/curve-2.svg" in files["index.html"]
 
 
+def test_a_report_with_verdicts_has_their_table_and_counts(package, tmp_path):
+    files = publish_twice(publish_judged, judged_document(package), tmp_path, lambda: {"curve": curve()})
+    assert b"<Page> holds" in files["claims.csv"]
+    counts = {f"claims_{word.replace(' ', '_')}": int(word == "yes") for word in VERDICTS}
+    assert json.loads(files["metrics.json"]) == {"error": 1.5} | counts
+
+
 def test_headlines_are_few(package, tmp_path):
     many = {f"m{number}": number for number in range(13)}
     with pytest.raises(ValueError, match="13 headlines are more than 12"):
-        publish_twice(package, tmp_path, lambda: {"curve": curve()}, tuple(many), many)
+        publish_twice(
+            publish_report, document(package), tmp_path, lambda: {"curve": curve()}, tuple(many), many
+        )

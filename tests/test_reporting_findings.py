@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from structlearn.core.artefacts import write_csv
-from structlearn.reporting.claims import Evidence, mean
+from structlearn.reporting.evidence import Evidence, mean
 from structlearn.reporting.findings import Findings, read_findings, values_by_key
 
 SAMPLES = np.array([1.0, 2.0, 4.0])

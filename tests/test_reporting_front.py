@@ -6,9 +6,9 @@ import pandas as pd
 import pytest
 from committed import ROOT, read_yaml
 
+from dissertation.evidence.front import Row, answer, read_front_page, render_front
 from structlearn.core.errors import InputError
-from structlearn.reporting.document import Made
-from structlearn.reporting.front import Row, in_words, read_front_page, render_front
+from structlearn.reporting.document import Provenance
 
 PAGE = read_front_page(ROOT / "stages/report.yaml")
 ROWS = [row for one in PAGE.findings for row in (one.simulated, one.recorded) if row]
@@ -41,20 +41,20 @@ def test_words_take_the_numbers_and_the_verdict_of_a_claim():
         (row("hits", "{value} | of spheres"), ("2.2 % | of spheres", "yes")),
         (row("reach", "{value} m"), ("not tested: no network met the criterion", "not tested")),
     ):
-        assert in_words(its, {"scraping": CLAIMS}) == expected
+        assert answer(its, {"scraping": CLAIMS}) == expected
     with pytest.raises(InputError, match="claim gone: the front page names it"):
-        in_words(row("gone", ""), {"scraping": CLAIMS})
+        answer(row("gone", ""), {"scraping": CLAIMS})
     with pytest.raises(InputError, match="has no case 'Down'"):
-        in_words(row("cost", "{Down}"), {"scraping": CLAIMS})
+        answer(row("cost", "{Down}"), {"scraping": CLAIMS})
 
 
 def test_every_claim_and_set_that_the_page_names_exists():
     names = {}
     for file, claims in CLAIM_FILES.items():
-        report = file.parents[1].name if "testbeds" in file.parts else "recorded"
+        report = file.parents[1].name if file.parent.name == "page" else "recorded"
         names.setdefault(report, set()).update(one["evidence"] for one in claims)
     assert {(one.report, one.claim) for one in (*ROWS, *TILES) if one.claim not in names[one.report]} == set()
-    kinds = read_yaml(ROOT / "stages/tasks/public.yaml")
+    kinds = read_yaml(ROOT / "src/dissertation/recorded/public.yaml")
     titles = {entry.get("title") for entries in kinds.values() for entry in entries.values()}
     assert {row.set for row in (*ROWS, *TILES) if row.report == "recorded"} <= titles
 
@@ -63,7 +63,9 @@ def test_the_page_counts_the_statements_of_the_dissertation():
     tiles = (row("hits", "{value} | of spheres"),)
     card = next(iter(PAGE.cards.values())).model_copy(update={"tiles": tiles})
     page = PAGE.model_copy(update={"cards": {"scraping": card}, "findings": ()})
-    html = render_front(page, {"scraping": CLAIMS}, {"pour": "tasks/pour/index.html"}, Made("unknown commit"))
+    html = render_front(
+        page, {"scraping": CLAIMS}, {"pour": "tasks/pour/index.html"}, Provenance("unknown commit")
+    )
     assert "<b>2.2 %</b> of spheres" in html
     assert html.count("1 yes") == html.count("1 undecided") == 2  # of the card, and of all testbeds
     assert '<a href="tasks/pour/index.html">pour</a>' in html
@@ -79,7 +81,7 @@ def test_the_drawing_follows_the_pipeline():
     }
 
     def before(name):
-        direct = {makes[dep] for dep in stages[name]["deps"] if dep in makes and makes[dep] != "code"}
+        direct = {makes[dep] for dep in stages[name]["deps"] if dep in makes}
         return direct.union(*(before(one) for one in direct)) if direct else set()
 
     for first, then in zip(PAGE.steps, PAGE.steps[1:], strict=False):
@@ -98,6 +100,6 @@ def test_the_counterpart_of_a_claim_about_recorded_data_exists():
     """It names the like statement of a testbed as this one makes it."""
     claims = [(file.as_posix(), claim) for file, its in CLAIM_FILES.items() for claim in its]
     for like in (claim["simulated"] for _, claim in claims if "simulated" in claim):
-        own = [one["statement"] for file, one in claims if f"testbeds/{like['testbed']}/" in file]
+        own = [one["statement"] for file, one in claims if f"dissertation/{like['testbed']}/" in file]
         patterns = [".*".join(map(re.escape, re.split(r"{{.*?}}", one))) for one in own]
         assert any(re.fullmatch(pattern, like["statement"]) for pattern in patterns), like["statement"]

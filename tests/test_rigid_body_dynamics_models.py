@@ -6,7 +6,7 @@ import torch
 from committed import committed
 from hypothesis import given
 from hypothesis import strategies as st
-from rigid_body_robots import arm, rubbing_motion
+from rigid_body_robots import arm, motion_with_friction
 from torch.autograd.functional import hessian, jacobian
 
 from structlearn.core.artefacts import write_tensors
@@ -25,7 +25,7 @@ JOINTS = 4
 def trained(kind):
     """Two models after some steps: the models, and the errors that their training had."""
     group = learner(
-        kind, TrainingData(arm().tree, rubbing_motion(arm()), FRICTION), "raw", (0, 1), PARAMETERS
+        kind, TrainingData(arm().tree, motion_with_friction(arm()), FRICTION), "raw", (0, 1), PARAMETERS
     )
     group.learn(torch.arange(300))
     perceptron = kind.startswith("mlp")
@@ -41,7 +41,7 @@ def test_models_from_a_file_predict_in_batches_and_compiled_what_they_did_in_tra
     back = dynamics.read_dynamics_models(tmp_path / "models.safetensors")
     for name in ("kind", "joints", "friction", "hidden"):
         assert getattr(back, name) == getattr(models, name)
-    motion = rubbing_motion(arm())
+    motion = motion_with_friction(arm())
     torques = dynamics.predicted_torques(back, arm().tree, motion)
     some = motion.part(slice(None, None, 40))
     for model in range(2):

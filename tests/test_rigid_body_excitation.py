@@ -13,7 +13,7 @@ from structlearn.rigid_body import excitation, log_fitness
 from structlearn.rigid_body.base_parameters import BaseFit, base_parameters, fit_base
 from structlearn.rigid_body.excitation import random_series, written
 from structlearn.rigid_body.motion import Motion
-from structlearn.rigid_body.tree import read_urdf
+from structlearn.rigid_body.robot import read_urdf
 
 PARAMETERS = excitation.ExcitationParameters(
     harmonics=2, period_s=4.0, rate_hz=100.0, share=0.9, starts=4, iterations=40, seed=0
@@ -35,7 +35,7 @@ def two_joints(folder, effort=60.0):
         parts += [joint(name, "revolute", parent, child, "0 -1 0", origin, limit)]
     path = folder / "two.urdf"
     path.write_text("".join([*parts, "</robot>"]))
-    return excitation.arena(read_urdf(path), PARAMETERS)
+    return excitation.design_problem(read_urdf(path), PARAMETERS)
 
 
 def rated(its, free):

@@ -1,7 +1,7 @@
 import numpy as np
 import pytest
 import torch
-from rigid_body_robots import COULOMB, ROBOTS, VISCOUS, arm, robot, rubbing_motion, states
+from rigid_body_robots import COULOMB, ROBOTS, VISCOUS, arm, motion_with_friction, robot, states
 
 from structlearn.rigid_body.base_parameters import base_parameters, base_table, fit_base, link_table
 from structlearn.rigid_body.friction import friction_coefficients
@@ -11,7 +11,7 @@ from structlearn.rigid_body.identification import (
     least_squares,
     normalised_triangle,
 )
-from structlearn.rigid_body.inertia_parameters import STRUCTURES, draw, link_inertias
+from structlearn.rigid_body.inertia_parameters import STRUCTURES, link_inertias, sample_parameters
 from structlearn.rigid_body.motion import Motion
 from structlearn.rigid_body.regressor import MotionRegressor, link_parameters, torque_regressor
 from structlearn.rigid_body.tree import LinkInertias
@@ -21,7 +21,7 @@ FRICTION = ("viscous", "coulomb")
 
 def noisy_motion() -> Motion:
     """With 1 % of noise on the torques."""
-    motion = rubbing_motion(arm())
+    motion = motion_with_friction(arm())
     noise = np.random.default_rng(0).normal(size=motion.torque.shape)
     return Motion(motion.q, motion.qd, motion.qdd, motion.torque + 0.01 * noise * motion.torque_variance**0.5)
 
@@ -57,10 +57,10 @@ def test_a_structure_explains_the_data_nearly_as_well_and_its_links_can_exist(st
         regressor = MotionRegressor(arm().tree, noisy_motion(), False, FRICTION)
     triangle = normalised_triangle(regressor.factors)
     best = regressor.factors.nmse(least_squares(triangle))
-    free, rubbing = fit_structure(structure, triangle, FRICTION, wrong_inertias(), 200)
+    free, friction = fit_structure(structure, triangle, FRICTION, wrong_inertias(), 200)
     found = link_inertias(structure, torch.from_numpy(free))
     links = link_parameters(found, structure != "nostr")[0].numpy()
-    theta = np.append(links, friction_coefficients(torch.from_numpy(rubbing), FRICTION)[0].numpy())
+    theta = np.append(links, friction_coefficients(torch.from_numpy(friction), FRICTION)[0].numpy())
     assert (regressor.factors.nmse(theta) < 10.0 * best).all()
     table = link_table(arm().tree, found.arrays(), arm().inertias)
     if structure in ("tri", "cov"):
@@ -104,7 +104,7 @@ def test_base_parameters_give_all_torques_and_none_is_spare(name):
     base = base_parameters(arm.tree)
     motion = states(arm, 200, seed=5)
     regressor = torque_regressor(arm.tree, *motion)
-    free = draw("cov", len(arm.tree.names), [torch.Generator().manual_seed(0)])[0]
+    free = sample_parameters("cov", len(arm.tree.names), [torch.Generator().manual_seed(0)])[0]
     inertias = link_inertias("cov", free)
     torques = regressor @ link_parameters(inertias).numpy()
     chosen = regressor[:, :, base.columns]
@@ -135,7 +135,7 @@ def test_the_condition_number_is_that_of_columns_of_unit_length():
 
 def consistent(scale: float = 1.0, seed: int = 0) -> np.ndarray:
     """Parameters (70,) of links that can exist, near the arm's."""
-    free = draw("cov", 7, [torch.Generator().manual_seed(seed)])
+    free = sample_parameters("cov", 7, [torch.Generator().manual_seed(seed)])
     return scale * link_parameters(link_inertias("cov", free))[0].numpy()
 
 

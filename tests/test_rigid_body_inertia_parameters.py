@@ -9,10 +9,10 @@ from rigid_body_robots import robot
 from structlearn.rigid_body.friction import friction_coefficients, squared
 from structlearn.rigid_body.inertia_parameters import (
     STRUCTURES,
-    draw,
     free_parameters,
     link_inertias,
     parameter_count,
+    sample_parameters,
     structure_gradient,
     structure_theta,
 )
@@ -54,16 +54,16 @@ def test_every_value_is_a_body_that_can_exist(structure, free):
 @example(seed=0, size=0.0)
 def test_gradients_in_closed_form_are_those_of_autograd(structure, seed, size):
     generator = torch.Generator().manual_seed(seed)
-    free = (size * draw(structure, 3, [generator, generator])).requires_grad_()
-    rubbing = torch.randn(2, 3, 2, generator=generator, dtype=torch.float64).requires_grad_()
+    free = (size * sample_parameters(structure, 3, [generator, generator])).requires_grad_()
+    friction = torch.randn(2, 3, 2, generator=generator, dtype=torch.float64).requires_grad_()
     terms = ("coulomb", "offset")
     if structure == "nostr":
         free.data[..., 0] += 1.0  # theta is divided by its mass
     links = link_parameters(link_inertias(structure, free), structure != "nostr")
-    theta = torch.cat([links, friction_coefficients(rubbing, terms).flatten(1)], dim=1)
+    theta = torch.cat([links, friction_coefficients(friction, terms).flatten(1)], dim=1)
     slope = torch.randn(theta.shape, generator=generator, dtype=torch.float64)
-    expected = torch.autograd.grad(theta, [free, rubbing], slope)
-    arguments = STRUCTURES.index(structure), free.detach().numpy(), rubbing.detach().numpy(), squared(terms)
+    expected = torch.autograd.grad(theta, [free, friction], slope)
+    arguments = STRUCTURES.index(structure), free.detach().numpy(), friction.detach().numpy(), squared(terms)
     np.testing.assert_allclose(structure_theta(*arguments), theta.detach(), rtol=1e-9, atol=1e-13)
     for found, gradient in zip(structure_gradient(*arguments, slope.numpy()), expected, strict=True):
         np.testing.assert_allclose(found, gradient, rtol=1e-8, atol=1e-11)
@@ -74,7 +74,7 @@ def test_weaker_structures_are_not_consistent():
     generators = [torch.Generator().manual_seed(seed) for seed in range(20)]
     broken = {}
     for structure in STRUCTURES:
-        inertias = link_inertias(structure, draw(structure, 7, generators)).arrays()
+        inertias = link_inertias(structure, sample_parameters(structure, 7, generators)).arrays()
         symmetric = 0.5 * (inertias.inertia + np.swapaxes(inertias.inertia, -1, -2))
         moments = np.linalg.eigvalsh(symmetric)
         triangle = moments[..., 0] + moments[..., 1] >= moments[..., 2]
@@ -129,7 +129,7 @@ def test_a_start_at_known_inertias_can_learn(structure):
 @pytest.mark.parametrize("structure", STRUCTURES)
 def test_draws_are_one_generator_per_model(structure):
     def drawn(*seeds):
-        return draw(structure, 7, [torch.Generator().manual_seed(seed) for seed in seeds])
+        return sample_parameters(structure, 7, [torch.Generator().manual_seed(seed) for seed in seeds])
 
     assert drawn(1, 2, 3).shape == (3, 7, parameter_count(structure))
     torch.testing.assert_close(drawn(1, 2, 3)[1], drawn(2)[0], rtol=0, atol=0)

@@ -4,14 +4,16 @@ import numpy as np
 import pinocchio
 import pytest
 import torch
+from newton_euler import inverse_dynamics
 from rigid_body_robots import ROBOTS, pendulum, pinocchio_torques, robot, states
 
+from dissertation.dynamics.page.findings import agreement_with_pinocchio
 from structlearn.core.metrics import nmse
 from structlearn.rigid_body import compiled_chain, compiled_dynamics, friction
-from structlearn.rigid_body.inertia_parameters import STRUCTURES, draw, link_inertias
-from structlearn.rigid_body.newton_euler import agreement_with_pinocchio, inverse_dynamics
+from structlearn.rigid_body.inertia_parameters import STRUCTURES, link_inertias, sample_parameters
 from structlearn.rigid_body.regressor import link_parameters, torque_factors, torque_regressor
-from structlearn.rigid_body.tree import LinkInertias, configuration
+from structlearn.rigid_body.robot import configuration
+from structlearn.rigid_body.tree import LinkInertias, robot_arrays
 
 TERMS = ("viscous", "coulomb", "offset", "stiffness")
 
@@ -34,6 +36,8 @@ def test_all_ways_agree_with_pinocchio(name):
     found = agreement_with_pinocchio(arm)
     assert found.pop("largest_n_m") > 1.0
     assert max(found.values()) < 1e-9
+    recursive = inverse_dynamics(arm.tree, inertias, *as_tensors(*motion)).numpy()
+    assert np.abs(recursive - expected).max() < 1e-9
 
 
 @pytest.mark.parametrize("name", ["iiwa", "odd"])
@@ -43,7 +47,7 @@ def test_all_ways_agree_for_any_parameters(name, structure):
     arm = robot(name)
     motion = states(arm, 20)
     generators = [torch.Generator().manual_seed(seed) for seed in range(3)]
-    inertias = link_inertias(structure, draw(structure, len(arm.tree.names), generators))
+    inertias = link_inertias(structure, sample_parameters(structure, len(arm.tree.names), generators))
     recursive = inverse_dynamics(arm.tree, inertias, *as_tensors(*motion)).numpy()
     tolerance = 1e-9 * max(1.0, np.abs(recursive).max())  # nostr's h / m can be huge
     symmetric = structure != "nostr"
@@ -76,7 +80,7 @@ def test_friction_of_another_shape_is_refused():
 def test_gradients_to_parameters_are_finite_differences_and_those_through_the_regressor(structure):
     arm = robot("odd")
     motion = states(arm, 3)
-    free = draw(structure, len(arm.tree.names), [torch.Generator().manual_seed(4)])[0]
+    free = sample_parameters(structure, len(arm.tree.names), [torch.Generator().manual_seed(4)])[0]
     free[:, 0] += 2.0 * torch.sign(free[:, 0])  # away from massless links, where h / m is steep
     free.requires_grad_()
 
@@ -150,8 +154,8 @@ def arm(request):
 
 
 @pytest.fixture(scope="module")
-def body(arm):
-    return compiled_chain.body(arm.tree, arm.inertias)
+def arrays(arm):
+    return robot_arrays(arm.tree, arm.inertias)
 
 
 @pytest.fixture
@@ -163,10 +167,10 @@ def close(found, expected):
     np.testing.assert_allclose(found, expected, atol=1e-11 * (1 + np.abs(expected).max()))
 
 
-def test_mass_matrix_bias_frames_twists_and_accelerations_are_those_of_pinocchio(arm, body, work):
+def test_mass_matrix_bias_frames_twists_and_accelerations_are_those_of_pinocchio(arm, arrays, work):
     data = arm.model.createData()
     for q, qd, torques in zip(*states(arm, 20), strict=True):
-        compiled_chain.dynamics(body, q, qd, work)
+        compiled_chain.dynamics(arrays, q, qd, work)
         placed = configuration(arm.model, q)
         mass = np.triu(pinocchio.crba(arm.model, data, placed))
         close(work.mass_matrix, mass + np.triu(mass, 1).T)
@@ -183,12 +187,12 @@ def test_mass_matrix_bias_frames_twists_and_accelerations_are_those_of_pinocchio
         np.testing.assert_allclose(found, expected, rtol=1e-8, atol=1e-9 * np.abs(expected).max())
 
 
-def test_a_step_leaves_the_workspace_of_the_new_state(arm, body, work):
+def test_a_step_leaves_the_workspace_of_the_new_state(arm, arrays, work):
     q, qd, torques = (values[0] for values in states(arm, 1))
-    compiled_chain.dynamics(body, q, qd, work)
-    compiled_chain.step(body, q, qd, torques.copy(), DT, work)
+    compiled_chain.dynamics(arrays, q, qd, work)
+    compiled_chain.step(arrays, q, qd, torques.copy(), DT, work)
     again = compiled_chain.workspace(len(q))
-    compiled_chain.dynamics(body, q, qd, again)
+    compiled_chain.dynamics(arrays, q, qd, again)
     np.testing.assert_array_equal(work.mass_matrix, again.mass_matrix)
     np.testing.assert_array_equal(work.bias, again.bias)
 

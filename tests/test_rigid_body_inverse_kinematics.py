@@ -7,6 +7,11 @@ from rigid_body_arms import planar_arm
 from rigid_body_robots import FINGERS
 from rigid_body_robots import robot as robot_of
 
+from dissertation.dynamics.world.operational_space import (
+    VelocityControl,
+    joint_reference,
+    tool_motion,
+)
 from structlearn.core import quaternion
 from structlearn.core.errors import InputError
 from structlearn.core.minimum_jerk import progress
@@ -19,13 +24,9 @@ from structlearn.rigid_body.arm_kinematics import (
     read_shapes,
     rest_for,
 )
-from structlearn.rigid_body.tree import configuration
-from structlearn.simulation.arm import urdf_path
-from structlearn.testbeds.dynamics.world.operational_space import (
-    VelocityControl,
-    joint_reference,
-    tool_motion,
-)
+from structlearn.rigid_body.robot import configuration
+from structlearn.rigid_body.tree import robot_arrays
+from structlearn.rigid_body.urdf import urdf_path
 
 DT = 0.005
 BENT = np.array([0.2, -0.4, 0.1, -2.1, -0.1, 1.8, 0.7])  # rad, an easy configuration of the Panda
@@ -247,7 +248,7 @@ def pinocchio_tool(robot, q, qd, qdd):
 
 def reference(robot, posture, q, qd, wanted):
     """Joint velocity and acceleration by the law."""
-    body, work = compiled_chain.body(robot.tree, robot.inertias), compiled_chain.workspace(7)
+    body, work = robot_arrays(robot.tree, robot.inertias), compiled_chain.workspace(7)
     compiled_chain.dynamics(body, q, qd, work)
     return joint_reference(VelocityControl(TOOL, posture, GAIN, 2.0), body, work, q, qd, *wanted)
 

@@ -5,21 +5,21 @@ import numpy as np
 import pytest
 import torch
 from committed import committed
-from rigid_body_robots import COULOMB, VISCOUS, arm, carrying, rubbing_motion, sine_motion
+from newton_euler import inverse_dynamics
+from rigid_body_robots import COULOMB, VISCOUS, arm, carrying, motion_with_friction, sine_motion
 
+from dissertation.dynamics.protocol import trainings as protocol
+from dissertation.simulation.arm import Payload
 from structlearn.core.metrics import nmse
-from structlearn.networks.torch_settings import AdamParameters, seeded
+from structlearn.networks.torch_settings import Adam, AdamParameters, seeded
 from structlearn.rigid_body import compiled_dynamics
 from structlearn.rigid_body import dynamics_training as training
 from structlearn.rigid_body.dynamics_models import rigid_body_torques
 from structlearn.rigid_body.friction import friction_coefficients, friction_columns
 from structlearn.rigid_body.inertia_parameters import STRUCTURES, link_inertias
 from structlearn.rigid_body.motion import Motion
-from structlearn.rigid_body.network_models import SCALING, NetworkLearner, SmallAdam
-from structlearn.rigid_body.newton_euler import inverse_dynamics
+from structlearn.rigid_body.network_models import SCALING, NetworkLearner
 from structlearn.rigid_body.payload import PayloadLearningParameters, follow_payload, identify_empty
-from structlearn.simulation.arm import Payload
-from structlearn.testbeds.dynamics.protocol import trainings as protocol
 
 PARAMETERS = committed(
     training.LearningParameters,
@@ -47,13 +47,13 @@ def start(kind, motion, seeds=(0, 1), friction=(), loss="raw"):
 @pytest.mark.parametrize("structure", STRUCTURES)
 def test_the_regressor_path_steps_as_autograd_through_the_recursion_does(structure):
     """Also after many steps: the compiled descent is that of torch's Adam on the recursion."""
-    motion = rubbing_motion(arm())
+    motion = motion_with_friction(arm())
     group = start(structure, motion, friction=FRICTION, loss="normalised")
     free = torch.from_numpy(group.free.copy()).requires_grad_()
-    rubbing = torch.from_numpy(group.rubbing.copy()).requires_grad_()
+    friction = torch.from_numpy(group.friction.copy()).requires_grad_()
     weights = torch.from_numpy(training.loss_weights("normalised", motion))
     parameters = PARAMETERS.structures
-    adam = torch.optim.Adam([free, rubbing], parameters.rate, (0.9, parameters.second_moment_decay))
+    adam = torch.optim.Adam([free, friction], parameters.rate, (0.9, parameters.second_moment_decay))
     order = torch.randperm(len(motion), generator=torch.Generator().manual_seed(1))[:-5]
     for batch in order.split(parameters.batch):
         q, qd, qdd, torque = (
@@ -62,7 +62,7 @@ def test_the_regressor_path_steps_as_autograd_through_the_recursion_does(structu
         inertias = link_inertias(structure, free)
         torques = inverse_dynamics(arm().tree, inertias, q, qd, qdd)
         columns = torch.from_numpy(friction_columns(motion.q[batch], motion.qd[batch], FRICTION))
-        torques = torques + torch.einsum("njt,mjt->mnj", columns, friction_coefficients(rubbing, FRICTION))
+        torques = torques + torch.einsum("njt,mjt->mnj", columns, friction_coefficients(friction, FRICTION))
         loss = ((torques - torque).square() * weights).sum(dim=-1).mean(dim=-1).sum()
         adam.zero_grad()
         loss.backward()
@@ -70,7 +70,7 @@ def test_the_regressor_path_steps_as_autograd_through_the_recursion_does(structu
 
     group.learn(order)
     np.testing.assert_allclose(group.free, free.detach(), rtol=1e-6, atol=1e-8)
-    np.testing.assert_allclose(group.rubbing, rubbing.detach(), rtol=1e-6, atol=1e-8)
+    np.testing.assert_allclose(group.friction, friction.detach(), rtol=1e-6, atol=1e-8)
 
 
 @pytest.mark.parametrize("kind", training.KINDS)
@@ -184,10 +184,10 @@ def in_double(group):
 
 
 def test_steps_are_those_of_torch_also_where_gradients_have_strides_or_are_missing():
-    generator, adam = seeded(0), AdamParameters(rate=0.01, batch=1, second_moment_decay=0.99)
+    generator = seeded(0)
     start = [torch.randn(3, 5, 4, generator=generator) for _ in range(3)]
     own, theirs = ([values.clone() for values in start] for _ in range(2))
-    small, torchs = SmallAdam(own, adam), torch.optim.Adam(theirs, 0.01, (0.9, 0.99), fused=True)
+    small, torchs = Adam(own, 0.01, 0.99), torch.optim.Adam(theirs, 0.01, (0.9, 0.99), fused=True)
     kept = torch.tensor([True, False, True])
     for step in range(6):
         gradients = [torch.randn(len(own[0]), 4, 5, generator=generator).mT for _ in range(2)]
@@ -207,7 +207,7 @@ def test_steps_are_those_of_torch_also_where_gradients_have_strides_or_are_missi
 
 
 def test_networks_of_several_motions_learn_as_each_alone():
-    motions = [sine_motion(arm(), 300), rubbing_motion(arm()).part(slice(0, 300))]
+    motions = [sine_motion(arm(), 300), motion_with_friction(arm()).part(slice(0, 300))]
     weights = np.stack([training.loss_weights("normalised", its) for its in motions])
 
     def learned(chosen):
@@ -247,8 +247,8 @@ MOTIONS = ("iiwa", *(f"perturbed/{robot}" for robot in ROBOTS))
 @pytest.fixture(scope="module")
 def trained():
     """Models, errors and outcomes of which some meet the criterion in simulation."""
-    rubbing = rubbing_motion(arm())
-    logs = sine_motion(arm(), 400), *(rubbing.part(slice(0, 300 + robot)) for robot in ROBOTS)
+    friction = motion_with_friction(arm())
+    logs = sine_motion(arm(), 400), *(friction.part(slice(0, 300 + robot)) for robot in ROBOTS)
     motions = dict(zip(MOTIONS, logs, strict=True))
     return protocol.train(protocol.trainings(ROBOTS, TRAININGS), motions, arm().tree, TRAININGS)
 
@@ -285,7 +285,7 @@ def test_what_may_be_tracked_with_met_the_criterion_of_its_arm():
     parameters = TRAININGS.model_copy(
         update={"epochs": limits, "learning": learning, "forms": (protocol.OURS,)}
     )
-    motions = {"iiwa": sine_motion(arm(), 600), "perturbed/11": rubbing_motion(arm())}
+    motions = {"iiwa": sine_motion(arm(), 600), "perturbed/11": motion_with_friction(arm())}
     _, _, outcomes = protocol.train(protocol.trainings((11,), parameters), motions, arm().tree, parameters)
     simulated, robots = (outcomes[outcomes["arm"] == name] for name in ("iiwa", "perturbed"))
     np.testing.assert_array_equal(simulated["met"], simulated["epochs"].notna())
@@ -341,7 +341,7 @@ def test_online_learning_sees_every_batch_once():
 
 
 def test_an_empty_robot_is_identified_with_its_friction():
-    motion = rubbing_motion(arm())
+    motion = motion_with_friction(arm())
     parameters = committed(PayloadLearningParameters, "online.payload", empty_s=20.0)
     links, friction = identify_empty(arm().tree, arm().inertias, motion, 0.02, parameters)
     expected = friction_columns(motion.q, motion.qd, ("viscous", "coulomb")) @ [VISCOUS, COULOMB]

@@ -1,8 +1,17 @@
 import numpy as np
 import pytest
 import torch
-from rigid_body_robots import COULOMB, VISCOUS, arm, carrying, pinocchio_torques, robot_with, rubbing_motion
+from rigid_body_robots import (
+    COULOMB,
+    VISCOUS,
+    arm,
+    carrying,
+    motion_with_friction,
+    pinocchio_torques,
+    robot_with,
+)
 
+from dissertation.simulation.arm import Payload
 from structlearn.core.errors import InputError
 from structlearn.rigid_body import identification, payload
 from structlearn.rigid_body.dynamics_models import DynamicsModels
@@ -10,7 +19,6 @@ from structlearn.rigid_body.friction import friction_columns
 from structlearn.rigid_body.log_fitness import current_delays, moving_gains, resting_gains
 from structlearn.rigid_body.motion import Motion, excited, measured_motion
 from structlearn.rigid_body.regressor import MotionRegressor
-from structlearn.simulation.arm import Payload
 
 RNG = np.random.default_rng(0)
 
@@ -89,7 +97,7 @@ def test_gains_in_motion_are_found_beside_friction():
 
 
 def test_delays_of_currents_are_found_joint_by_joint():
-    motion, dt = rubbing_motion(arm()), 0.02
+    motion, dt = motion_with_friction(arm()), 0.02
     delays = dt * np.linspace(-0.5, 1.5, 9)
     late = np.linspace(-0.005, 0.025, motion.joints)
     ticks = dt * np.arange(len(motion))
@@ -105,10 +113,10 @@ def test_delays_of_currents_are_found_joint_by_joint():
 
 def loaded_pair(payload: Payload, noise: float) -> tuple[Motion, Motion]:
     """The same motion without and with a payload, friction in both."""
-    empty = rubbing_motion(arm())
-    rubbing = friction_columns(empty.q, empty.qd, FRICTION) @ [VISCOUS, COULOMB]
+    empty = motion_with_friction(arm())
+    friction_torque = friction_columns(empty.q, empty.qd, FRICTION) @ [VISCOUS, COULOMB]
     heavier = robot_with(arm(), carrying(arm(), payload))
-    torque = pinocchio_torques(heavier, empty.q, empty.qd, empty.qdd) + rubbing
+    torque = pinocchio_torques(heavier, empty.q, empty.qd, empty.qdd) + friction_torque
     scale = noise * np.sqrt(empty.torque_variance)
     pair = (empty.torque, torque)
     return tuple(
@@ -132,12 +140,12 @@ def test_a_load_is_found_from_what_it_changes():
 
 
 def test_intervals_of_inertias_are_tight_where_torques_show_them_and_nothing_is_noise():
-    motion = rubbing_motion(arm())
+    motion = motion_with_friction(arm())
     regressor = MotionRegressor(arm().tree, motion, True, FRICTION)
-    free, rubbing = identification.fit_structure(
+    free, friction = identification.fit_structure(
         "cov", identification.normalised_triangle(regressor.factors), FRICTION, arm().inertias, 300
     )
-    model = DynamicsModels("cov", arm().tree.names, FRICTION, (), {"inertia": free, "friction": rubbing})
+    model = DynamicsModels("cov", arm().tree.names, FRICTION, (), {"inertia": free, "friction": friction})
     drawn = identification.drawn_fits(model, regressor, arm().inertias, 50, 200, 2, seed=0)
     assert drawn.inertias().mass.shape == (2, 7)
     np.testing.assert_allclose(drawn.friction_coefficients()[..., 1], COULOMB, rtol=0.1)

@@ -11,11 +11,11 @@ from rigid_body_robots import robot as known_robot
 
 from structlearn.core.errors import InputError
 from structlearn.rigid_body.dynamics_models import rigid_body_torques
-from structlearn.rigid_body.inertia_parameters import draw, link_inertias
+from structlearn.rigid_body.inertia_parameters import link_inertias, sample_parameters
 from structlearn.rigid_body.motion import Motion
-from structlearn.rigid_body.tree import Robot, joint_order, read_urdf
-from structlearn.rigid_body.urdf import counterparts, moving_joints, tips, write_urdf
-from structlearn.simulation.arm import urdf_path
+from structlearn.rigid_body.robot import Robot, read_urdf
+from structlearn.rigid_body.tree import joint_order
+from structlearn.rigid_body.urdf import counterparts, moving_joints, tips, urdf_path, write_urdf
 
 BODY = link("moved")
 HINGE = joint("hinge", "revolute", "base", "moved")
@@ -195,7 +195,7 @@ def source(name: str, folder: Path) -> Path:
 
 def other_inertias(robot: Robot):
     """Physically consistent inertias that are not those of the source."""
-    free = draw("cov", len(robot.tree.names), [torch.Generator().manual_seed(3)])
+    free = sample_parameters("cov", len(robot.tree.names), [torch.Generator().manual_seed(3)])
     return link_inertias("cov", free[0]).arrays()
 
 

@@ -25,25 +25,13 @@ from reporting_refinement import scores as refined_scores
 from reporting_scraping import noise_table, work_table
 from reporting_verdicts import AnyFigure
 
-from structlearn.policy_search.sample_efficiency import CMA_ES, PI2
-from structlearn.reporting.claims import (
-    NO,
-    NOT_TESTED,
-    UNDECIDED,
-    UNKNOWN,
-    YES,
-    claims_table,
-    combined,
-    read_claims,
-)
-from structlearn.reporting.document import render, words_in_view
-from structlearn.reporting.findings import Findings
-from structlearn.reporting.studies import OURS, stored_study
-from structlearn.testbeds.scraping.page import findings as own
-from structlearn.testbeds.scraping.page import page as module
-from structlearn.testbeds.scraping.page.board_figures import snapshots, turned
-from structlearn.testbeds.scraping.page.stored import PEOPLE, Stored
-from structlearn.testbeds.scraping.page.tables import (
+from dissertation.evidence.claims import NO, UNDECIDED, YES, claims_table, combined, read_claims
+from dissertation.evidence.studies import OURS, stored_study
+from dissertation.scraping.page import findings as own
+from dissertation.scraping.page import page as module
+from dissertation.scraping.page.board_figures import snapshots, turned
+from dissertation.scraping.page.stored import PEOPLE, Stored
+from dissertation.scraping.page.tables import (
     board_tables,
     curve,
     cut_tables,
@@ -52,8 +40,12 @@ from structlearn.testbeds.scraping.page.tables import (
     refinement_tables,
     tables,
 )
-from structlearn.testbeds.scraping.protocol.execution_scores import AFTER, BEFORE, NOMINAL
-from structlearn.testbeds.scraping.world.layout import EDGE_M, EDGE_WIDTH_M
+from dissertation.scraping.protocol.execution_scores import AFTER, BEFORE, NOMINAL
+from dissertation.scraping.protocol.sample_efficiency import CMA_ES, PI2
+from dissertation.scraping.world.layout import EDGE_M, EDGE_WIDTH_M
+from structlearn.reporting.document import render, words_in_view
+from structlearn.reporting.evidence import NOT_TESTED, UNKNOWN
+from structlearn.reporting.findings import Findings
 
 CLAIMS = "refinement_claims.yaml"
 PRINTED = module.published()

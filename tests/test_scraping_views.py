@@ -10,18 +10,18 @@ from scipy.spatial.transform import Rotation
 from viewer_files import PRIMITIVES as MOVEMENTS
 from viewer_files import colour_of, contents, demonstration, note, values, view_names
 
+from dissertation.scraping.names import CUT_METHODS, ROLLOUTS, RUNS
+from dissertation.scraping.protocol.execution_scores import AFTER, BEFORE, NOMINAL
+from dissertation.scraping.protocol.feedback_models import POINTWISE
+from dissertation.scraping.recordings.executions_recording import write_executions, write_robot
+from dissertation.scraping.recordings.nominal_recordings import write_alignment, write_demonstrations
+from dissertation.scraping.recordings.scraping_scene import Execution
+from dissertation.scraping.recordings.search_recording import CHEAP, cost_colours, searches
+from dissertation.scraping.world import layout, scraping_robot
 from structlearn.core import quaternion
-from structlearn.feedback.feedback_models import POINTWISE
 from structlearn.readers.demonstration import Demonstration
 from structlearn.segmentation.parameters import SegmentParameters
 from structlearn.segmentation.segments import cut
-from structlearn.testbeds.scraping.names import CUT_METHODS, ROLLOUTS, RUNS
-from structlearn.testbeds.scraping.protocol.execution_scores import AFTER, BEFORE, NOMINAL
-from structlearn.testbeds.scraping.views.executions_recording import write_executions, write_robot
-from structlearn.testbeds.scraping.views.nominal_recordings import write_alignment, write_demonstrations
-from structlearn.testbeds.scraping.views.scraping_scene import Execution
-from structlearn.testbeds.scraping.views.search_recording import CHEAP, cost_colours, searches
-from structlearn.testbeds.scraping.world import layout, scraping_robot
 from structlearn.viewer.rrd import entity, rgba
 
 PRIMITIVES = ("down", "turn", "scrape")

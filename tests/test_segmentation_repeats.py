@@ -2,17 +2,17 @@
 
 import numpy as np
 import pytest
+from committed import EXAMPLE_TASK
 
+from dissertation.simulation.pick_and_place import as_recording, session
 from structlearn.core.errors import InputError
 from structlearn.readers import synchronise
 from structlearn.segmentation.repeats import split
-from structlearn.tasks.pick_and_place_world import as_recording, session
-from structlearn.tasks.task_entry import read_task
 
 
 def split_up(sessions, primitives, count=None):
     """Repeats that were found in sessions (seed, moves, repeats), and the recordings."""
-    task = read_task("pick")
+    task = EXAMPLE_TASK
     parameters = task.segment.model_validate(task.segment.model_dump() | {"primitives": primitives})
     recordings = []
     for number, (seed, moves, repeats) in enumerate(sessions):

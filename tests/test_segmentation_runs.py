@@ -5,22 +5,29 @@ from itertools import pairwise, product
 
 import numpy as np
 import pytest
+from committed import EXAMPLE_TASK
 from conftest import minimum_jerk
 from hypothesis import given
 from hypothesis import strategies as st
 
+from dissertation.simulation.pick_and_place import SLOW, as_recording, takes, write_takes
 from structlearn.core import quaternion
 from structlearn.core.errors import InputError
 from structlearn.readers import Demonstration, read_demonstrations, synchronise
 from structlearn.segmentation import find_crossings
 from structlearn.segmentation import motion_runs as runs
 from structlearn.segmentation.parameters import SegmentParameters
-from structlearn.segmentation.run_assignment import DISPLACED, HASTE, LEFT_OUT, MISSING, RESTED, assign
+from structlearn.segmentation.run_assignment import (
+    DISPLACED,
+    HASTE,
+    MISSING,
+    PAUSE_PRICE,
+    UNASSIGNED_PRICE,
+    assign,
+)
 from structlearn.segmentation.segments import cut, read_segmentation, write_segmentation
-from structlearn.tasks.pick_and_place_world import SLOW, as_recording, takes, write_takes
-from structlearn.tasks.task_entry import read_task
 
-TASK = read_task("pick")
+TASK = EXAMPLE_TASK
 SPEED = np.array([0, 0, 2, 3, 1, 0, 0, 0, 4, 4, 0, 5, 0, 0], dtype=float)
 
 
@@ -46,7 +53,7 @@ def test_runs_are_where_the_speed_is_above_the_threshold():
 def test_runs_with_a_short_dip_between_them_are_candidates_alone_and_joined():
     moved = along_a_line(SPEED)
     found = runs.candidates(moved, runs.Search((0.5,), 1.0, 1, 9))
-    assert list(zip(found.first, found.last, found.rested, strict=True)) == [
+    assert list(zip(found.first, found.last, found.paused_s, strict=True)) == [
         (1, 5, 0),
         (7, 10, 0),
         (7, 12, 1),
@@ -77,28 +84,32 @@ def by_hand(demonstrations: list[list[runs.Candidates]]) -> float:
         """Price of what is left out and of rests within."""
         one = primitives[0]
         edges = [0, *(end for g in chain for end in (one.first[g], one.last[g])), len(one.path) - 1]
-        price = RESTED * sum(one.rested[g] for g in chain)
+        price = PAUSE_PRICE * sum(one.paused_s[g] for g in chain)
         for since, until in zip(edges[::2], edges[1::2], strict=True):
             gone = one.travelled[until] - one.travelled[since]
             displaced = min(abs(one.path[until, 0] - one.path[since, 0]), gone)
-            price += LEFT_OUT * (gone + DISPLACED * displaced) / way
+            price += UNASSIGNED_PRICE * (gone + DISPLACED * displaced) / way
         return price
 
-    def unlike(a, g, b, h):
+    def mismatch(a, g, b, h):
         moved = a.path[a.last[g]] - a.path[a.first[g]] - (b.path[b.last[h]] - b.path[b.first[h]])
-        apart = np.linalg.norm(moved) / (0.5 * (a.way[g] + b.way[h]))
-        return apart + HASTE * abs(np.log(a.duration[g] / b.duration[h])) + abs(np.log(a.way[g] / b.way[h]))
+        apart = np.linalg.norm(moved) / (0.5 * (a.path_length[g] + b.path_length[h]))
+        return (
+            apart
+            + HASTE * abs(np.log(a.duration[g] / b.duration[h]))
+            + abs(np.log(a.path_length[g] / b.path_length[h]))
+        )
 
     totals = []
     for reference in demonstrations:
         for chain in chains(reference):
             total = extra(reference, chain, reference[0].travelled[-1] / len(reference))
-            way = np.mean([one.way[g] for one, g in zip(reference, chain, strict=True)])
+            way = np.mean([one.path_length[g] for one, g in zip(reference, chain, strict=True)])
             for other in demonstrations:
                 if other is not reference:
                     costs = [
                         extra(other, its, way)
-                        + sum(unlike(*pair) for pair in zip(reference, chain, other, its, strict=True))
+                        + sum(mismatch(*pair) for pair in zip(reference, chain, other, its, strict=True))
                         for its in chains(other)
                     ]
                     total += min([*costs, MISSING * len(reference)])
@@ -242,8 +253,9 @@ def test_sway_of_a_slow_hand_is_no_motion_that_bounds_a_move():
 
 
 @pytest.mark.parametrize("seed", [1, 2])
-def test_wiping_without_a_rest_is_cut_at_contact(root, seed):
+def test_wiping_without_a_rest_is_cut_at_contact(root, monkeypatch, seed):
     """To and fro, where every stroke comes to a halt, or in circles: only the force tells where it begins."""
+    monkeypatch.syspath_prepend(root / "benchmarks")  # what it imports of the others
     benchmark = runpy.run_path(str(root / "benchmarks/example_cuts.py"))
     assert benchmark["of_wiping"](seed, "onset")["error_ms"].max() < 50.0
 

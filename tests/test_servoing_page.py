@@ -9,19 +9,12 @@ import reporting_verdicts
 from committed import committed
 from tactile_toy import toy_dataset
 
-from structlearn.core.params import Population
-from structlearn.reporting.claims import Evidence, claims_table
-from structlearn.reporting.document import render
-from structlearn.reporting.findings import Findings
-from structlearn.reporting.studies import OURS as STUDIED
-from structlearn.reporting.studies import Study
-from structlearn.simulation.touch_demonstrator import ToucherParameters
-from structlearn.tactile.electrodes import SKINS
-from structlearn.tactile.latent_parameters import GeodesicParameters, LatentParameters
-from structlearn.tactile.touch_dataset import SPLITS, TouchDataParameters
-from structlearn.testbeds.servoing.names import AS_PUBLISHED, DYNAMICS, OURS, STILL
-from structlearn.testbeds.servoing.page import page
-from structlearn.testbeds.servoing.page.findings import (
+from dissertation.evidence.claims import claims_table
+from dissertation.evidence.studies import OURS as STUDIED
+from dissertation.evidence.studies import Study
+from dissertation.servoing.names import AS_PUBLISHED, DYNAMICS, OURS, STILL
+from dissertation.servoing.page import page
+from dissertation.servoing.page.findings import (
     AS_PUBLISHED_LL,
     ModelScores,
     ServoingResults,
@@ -32,12 +25,20 @@ from structlearn.testbeds.servoing.page.findings import (
     rate_case,
     rated,
 )
-from structlearn.testbeds.servoing.protocol.servo_trials import MOTIONS
-from structlearn.testbeds.servoing.protocol.servo_variants import (
+from dissertation.servoing.protocol.servo_trials import MOTIONS
+from dissertation.servoing.protocol.servo_variants import (
     OtherSkinsParameters,
     ServoTrialParameters,
     variants,
 )
+from dissertation.simulation.touch_demonstrator import ToucherParameters
+from structlearn.core.params import Population
+from structlearn.reporting.document import render
+from structlearn.reporting.evidence import Evidence
+from structlearn.reporting.findings import Findings
+from structlearn.tactile.electrodes import SKINS
+from structlearn.tactile.latent_parameters import GeodesicParameters, LatentParameters
+from structlearn.tactile.touch_dataset import SPLITS, TouchDataParameters
 
 SKIN = SKINS["biotac"]
 SHIFT_M = 0.001
@@ -230,7 +231,7 @@ CONTROLLERS = [f"people_servo_success_rate{ending}" for ending in ("", "_publish
 def verdicts(results):
     find = Findings()
     over_people(find, results)
-    return reporting_verdicts.verdicts("structlearn.testbeds.servoing.page", find)
+    return reporting_verdicts.verdicts("dissertation.servoing.page", find)
 
 
 def test_claims_on_predictions_hold_where_numbers_say_so(results):

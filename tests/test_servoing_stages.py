@@ -8,9 +8,9 @@ import numpy as np
 import yaml
 from committed import committed
 
+from dissertation.servoing.protocol.servo_variants import Variant, variants
 from structlearn.core.artefacts import read_table
 from structlearn.core.params import Population
-from structlearn.testbeds.servoing.protocol.servo_variants import Variant, variants
 
 
 def test_all_controllers_meet_the_same_trials(reduced_project):

@@ -6,26 +6,26 @@ import pytest
 from committed import committed, committed_finger
 from viewer_files import colour_of, contents, note, values, view_names
 
-from structlearn.readers import synchronise
-from structlearn.simulation.touch_demonstrator import (
+from dissertation.servoing.names import AS_PUBLISHED, FORM_COLOURS, FORM_NAMES, OURS
+from dissertation.servoing.protocol.servo_trials import make_scene
+from dissertation.servoing.protocol.servo_variants import ServoTrialParameters
+from dissertation.servoing.recordings.demonstrated_touches import (
+    shown_touches,
+    write_latent_maps,
+    write_touch_demonstrations,
+)
+from dissertation.servoing.recordings.servo_runs import shown_runs, write_servo_runs
+from dissertation.servoing.recordings.servoing_scene import FlatSkin
+from dissertation.simulation.touch_demonstrator import (
     ToucherParameters,
     demonstrate,
     held_on_handle,
     recorded,
     true_contacts,
 )
+from structlearn.readers import synchronise
 from structlearn.tactile.electrodes import SKINS
 from structlearn.tactile.touch_dataset import TouchDataParameters, prepare, read_dataset, write_dataset
-from structlearn.testbeds.servoing.names import AS_PUBLISHED, FORM_COLOURS, FORM_NAMES, OURS
-from structlearn.testbeds.servoing.protocol.servo_trials import make_scene
-from structlearn.testbeds.servoing.protocol.servo_variants import ServoTrialParameters
-from structlearn.testbeds.servoing.views.demonstrated_touches import (
-    shown_touches,
-    write_latent_maps,
-    write_touch_demonstrations,
-)
-from structlearn.testbeds.servoing.views.servo_runs import shown_runs, write_servo_runs
-from structlearn.testbeds.servoing.views.servoing_scene import FlatSkin
 from structlearn.viewer.rrd import entity
 
 SKIN = SKINS["biotac"]

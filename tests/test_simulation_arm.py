@@ -4,12 +4,14 @@ import pytest
 from rigid_body_robots import carrying as carrying_in_pinocchio
 from rigid_body_robots import robot as rigid_body_robot
 
+from dissertation.simulation import compiled_arm
+from dissertation.simulation.arm import Payload, carrying
+from dissertation.simulation.bullet_arm import BulletArm, differences
 from structlearn.core.errors import InputError
 from structlearn.rigid_body import compiled_dynamics
-from structlearn.rigid_body.compiled_chain import body, dynamics, workspace
-from structlearn.simulation import compiled_arm
-from structlearn.simulation.arm import Payload, carrying, urdf_path
-from structlearn.simulation.bullet_arm import BulletArm, differences
+from structlearn.rigid_body.compiled_chain import dynamics, workspace
+from structlearn.rigid_body.tree import robot_arrays
+from structlearn.rigid_body.urdf import urdf_path
 
 DT = 1.0 / 250.0
 PAYLOAD = Payload(1.5, (0.01, 0.02, 0.1), 0.04)
@@ -24,14 +26,14 @@ class Compiled:
     """The compiled arm behind `BulletArm`'s interface."""
 
     def __init__(self, tree, inertias, coulomb, dt):
-        self.body, self.coulomb, self.dt = body(tree, inertias), coulomb, dt
+        self.arrays, self.coulomb, self.dt = robot_arrays(tree, inertias), coulomb, dt
         self.work = workspace(len(tree.names))
 
     def place(self, q, qd):
         self.q, self.qd = q.copy(), qd.copy()
 
     def step(self, torques):
-        dynamics(self.body, self.q, self.qd, self.work)
+        dynamics(self.arrays, self.q, self.qd, self.work)
         compiled_arm.step(self.coulomb, torques, self.dt, self.work, self.q, self.qd)
         return self.q.copy(), self.qd.copy()
 

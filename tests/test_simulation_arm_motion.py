@@ -10,15 +10,9 @@ from committed import committed
 from pydantic import ValidationError
 from rigid_body_robots import robot as rigid_body_robot
 
-from structlearn.core.errors import InputError
-from structlearn.core.metrics import nmse
-from structlearn.rigid_body import compiled_dynamics
-from structlearn.rigid_body.dynamics_models import DynamicsModels
-from structlearn.rigid_body.inertia_parameters import free_parameters
-from structlearn.simulation.arm import ArmParameters, Mechanics, ideal
-from structlearn.testbeds.dynamics.protocol.tracking import Candidate, Testbed, known, learned, track
-from structlearn.testbeds.dynamics.protocol.trainings import OURS, PUBLISHED
-from structlearn.testbeds.dynamics.world.arm_motion import (
+from dissertation.dynamics.protocol.tracking import Candidate, Testbed, known, learned, track
+from dissertation.dynamics.protocol.trainings import OURS, PUBLISHED
+from dissertation.dynamics.world.arm_motion import (
     ArmMotionParameters,
     ReachingParameters,
     first_posture,
@@ -27,8 +21,14 @@ from structlearn.testbeds.dynamics.world.arm_motion import (
     sine_controller,
     sine_path,
 )
-from structlearn.testbeds.dynamics.world.controlled_arm import Feedback, ReferencePath, SimulatedArm, run
-from structlearn.testbeds.dynamics.world.operational_space import tool_motion
+from dissertation.dynamics.world.controlled_arm import Feedback, ReferencePath, SimulatedArm, run
+from dissertation.dynamics.world.operational_space import tool_motion
+from dissertation.simulation.arm import ArmParameters, Mechanics, ideal
+from structlearn.core.errors import InputError
+from structlearn.core.metrics import nmse
+from structlearn.rigid_body import compiled_dynamics
+from structlearn.rigid_body.dynamics_models import DynamicsModels
+from structlearn.rigid_body.inertia_parameters import free_parameters
 
 
 def committed_motion(**changes):
@@ -79,11 +79,9 @@ def constant(robot, torque, ticks):
     """A controller that always wants the same torque; its path stands still at zero."""
     zero = np.zeros((ticks, 7))
     known = compiled_dynamics.inverse_dynamics(robot.tree, robot.inertias)
-    bodies = known.bodies
-    massless = (0.0 * values for values in (bodies.mass, bodies.moment, bodies.inertia))
+    massless = {name: 0.0 * getattr(known.robot, name) for name in ("mass", "first_moment", "origin_inertia")}
     wants = compiled_dynamics.friction_rows(np.full((7, 1), torque), ("offset",))
-    parts = dict(zip(("mass", "moment", "inertia"), massless, strict=True))
-    model = known._replace(bodies=bodies._replace(**parts, friction=wants))
+    model = known._replace(robot=known.robot._replace(**massless), friction=wants)
     return sine_controller(model, ReferencePath(zero, zero, zero), Feedback(zero[0], zero[0]))
 
 

@@ -9,12 +9,12 @@ from committed import committed
 from feedback_toy import toy_dataset
 from scraping_motions import NAMES
 
+from dissertation.scraping.protocol import board_refinement
 from structlearn.core.errors import InputError
-from structlearn.feedback.coupling_model import TrainingParameters, train_final
+from structlearn.feedback.trainers import TrainingParameters, train_final
 from structlearn.policy_search import refinement
 from structlearn.policy_search.pi2 import PI2Parameters
 from structlearn.policy_search.refinement import Rollout, open_loop_weights
-from structlearn.testbeds.scraping.protocol import board_refinement
 
 TURN, SCRAPE = NAMES[1:]
 DATASETS = {TURN: toy_dataset(seed=0), SCRAPE: toy_dataset(seed=1)}
@@ -33,7 +33,7 @@ PARAMETERS = committed(
     added_runs=2,
     training=committed(TrainingParameters, "compare_models", steps=20, evaluate_every=10),
 )
-ASKED = []
+TESTS = []
 """Name, setting, preceding networks and executed networks of every call of a board."""
 
 
@@ -46,7 +46,7 @@ class MadeUpBoard(board_refinement.Board):
         return 100.0
 
     def rollouts(self, networks, seeds):
-        ASKED.append((self.name, self.setting_deg, dict(self.preceding), list(networks)))
+        TESTS.append((self.name, self.setting_deg, dict(self.preceding), list(networks)))
         return [self._rollout(network, seed) for network, seed in zip(networks, seeds, strict=True)]
 
     def _rollout(self, network, seed):
@@ -68,10 +68,10 @@ def same_network(one, other):
 
 
 def test_a_primitive_is_refined_while_those_before_it_run_refined(board):
-    ASKED.clear()
+    TESTS.clear()
     before, after, _ = board_refinement.refine_on_board(board, DATASETS, PARAMETERS)
-    assert list(dict.fromkeys(name for name, *_ in ASKED)) == [TURN, SCRAPE]
-    for name, _, preceding, _ in ASKED:
+    assert list(dict.fromkeys(name for name, *_ in TESTS)) == [TURN, SCRAPE]
+    for name, _, preceding, _ in TESTS:
         assert list(preceding) == ([] if name == TURN else [TURN])
         if name == SCRAPE:
             assert same_network(preceding[TURN], after[TURN])
@@ -87,10 +87,10 @@ def test_what_is_right_in_known_settings_is_executed_there_and_learned_from(boar
         return train_final(model, data, *arguments, **others)
 
     monkeypatch.setattr(refinement, "train_final", remember)
-    ASKED.clear()
+    TESTS.clear()
     board_refinement.refine_on_board(board, DATASETS, PARAMETERS.model_copy(update={"iterations": 1}))
     data = DATASETS[TURN]
-    own = [(setting, networks) for name, setting, _, networks in ASKED if name == TURN]
+    own = [(setting, networks) for name, setting, _, networks in TESTS if name == TURN]
     known = [one for one in own if one[0] != PARAMETERS.setting_deg]
     assert [(setting, len(networks)) for setting, networks in known] == [
         *((setting, PARAMETERS.shown_runs) for setting in np.unique(data.setting)),
@@ -107,10 +107,10 @@ def test_what_is_right_in_known_settings_is_executed_there_and_learned_from(boar
 
 
 def test_in_the_text_s_form_only_what_was_tried_is_added(board):
-    ASKED.clear()
+    TESTS.clear()
     text = PARAMETERS.model_copy(update={"shown_runs": 0, "level_runs": 0})
     board_refinement.refine_on_board(board, DATASETS, text)
-    assert {setting for _, setting, _, _ in ASKED} == {PARAMETERS.setting_deg}
+    assert {setting for _, setting, _, _ in TESTS} == {PARAMETERS.setting_deg}
 
 
 @pytest.mark.parametrize("explored", [{SCRAPE}, set()])

@@ -10,6 +10,15 @@ from feedback_toy import toy_dataset
 from parallel_work import Deadly
 from scraping_motions import CHANNELS, DURATIONS_S, NAMES, constant_network, scraping_skill
 
+from dissertation.scraping.protocol import board_refinement
+from dissertation.scraping.protocol.execution_scores import nominal_orientation
+from dissertation.scraping.protocol.executions import (
+    corrected_runs,
+    evaluation_runs,
+    execute_run,
+    nominal_runs,
+)
+from dissertation.scraping.world.execution import ControlParameters
 from structlearn.core.artefacts import write_table
 from structlearn.feedback.coupling_dataset import to_table
 from structlearn.feedback.models.pmnn import open_loop
@@ -17,16 +26,7 @@ from structlearn.feedback.skill import largest_coupling
 from structlearn.primitives.primitive_files import write_primitives, write_vector_primitive
 from structlearn.readers import synchronise
 from structlearn.readers.demonstration import read_runs, write_runs
-from structlearn.readers.source import ClockParameters
-from structlearn.testbeds.scraping.protocol import board_refinement
-from structlearn.testbeds.scraping.protocol.execution_scores import nominal_orientation
-from structlearn.testbeds.scraping.protocol.executions import (
-    corrected_runs,
-    evaluation_runs,
-    execute_run,
-    nominal_runs,
-)
-from structlearn.testbeds.scraping.world.execution import ControlParameters
+from structlearn.readers.source_parameters import ClockParameters
 
 
 @pytest.fixture(scope="module")

@@ -7,16 +7,17 @@ from hypothesis import given
 from hypothesis import strategies as st
 from scraping_motions import FLAT
 
+from dissertation.scraping.world.demonstrator import CONTACT_M
+from dissertation.scraping.world.scraping_robot import EDGE_M, HOME, joint_angles, urdf, whole
+from dissertation.scraping.world.scraping_world import EDGE_POINTS, EDGE_WIDTH_M, POINTS, Board, press
 from structlearn.rigid_body import compiled_chain
-from structlearn.testbeds.scraping.world.demonstrator import CONTACT_M
-from structlearn.testbeds.scraping.world.scraping_robot import EDGE_M, HOME, joint_angles, urdf, whole
-from structlearn.testbeds.scraping.world.scraping_world import EDGE_POINTS, EDGE_WIDTH_M, POINTS, Board, press
+from structlearn.rigid_body.tree import robot_arrays
 
 STIFFNESS, DAMPING, FRICTION = 2000.0, 2.0, 0.2
 STICKING, STICKING_DAMPING, DT = 1500.0, 10.0, 1 / 900
 JOINTS = 13
 
-BODY = compiled_chain.body(whole().tree, whole().inertias)
+ARRAYS = robot_arrays(whole().tree, whole().inertias)
 MODEL = pinocchio.buildModelFromXML(urdf())
 PLACE = pinocchio.SE3(np.eye(3), np.array([0.0, 0.0, EDGE_M]))
 EDGE = MODEL.addFrame(pinocchio.Frame("tool_edge", MODEL.njoints - 1, PLACE, pinocchio.FrameType.OP_FRAME))
@@ -25,7 +26,7 @@ EDGE = MODEL.addFrame(pinocchio.Frame("tool_edge", MODEL.njoints - 1, PLACE, pin
 def touch(q, v, point, normal, damping=DAMPING, friction=FRICTION, steps=1):
     """Middle of the tool's edge, wrench of the board and joint torques after steps of dt."""
     work = compiled_chain.workspace(JOINTS)
-    compiled_chain.kinematics(BODY, q, work)
+    compiled_chain.kinematics(ARRAYS, q, work)
     outputs = np.empty(3), np.empty(6), np.empty(JOINTS)
     place = np.array(point, float), np.array(normal, float)
     board, stuck = (

@@ -1,11 +1,11 @@
 import pytest
 from committed import committed
 
+from dissertation.scraping.protocol.cut_sweep import SweepParameters, downsampling_sweep, noise_sweep
+from dissertation.scraping.world.demonstrator import DemonstratorParameters
 from structlearn.core.errors import InputError
 from structlearn.segmentation.cut_errors import mean_cut_errors_ms
 from structlearn.segmentation.parameters import SegmentParameters
-from structlearn.testbeds.scraping.protocol.cut_sweep import SweepParameters, downsampling_sweep, noise_sweep
-from structlearn.testbeds.scraping.world.demonstrator import DemonstratorParameters
 
 PRIMITIVES = [
     {"name": "down", "axis": "z", "threshold_m_s": 0.02},

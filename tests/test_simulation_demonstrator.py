@@ -3,13 +3,13 @@ import pytest
 from committed import committed
 from scraping_motions import simulated
 
-from structlearn.core import quaternion
-from structlearn.simulation.hand_noise import hand_noise
-from structlearn.testbeds.scraping.world.demonstrator import (
+from dissertation.scraping.world.demonstrator import (
     FLAT_ORIENTATION,
     DemonstratorParameters,
     intended_movements,
 )
+from dissertation.simulation.hand_noise import hand_noise
+from structlearn.core import quaternion
 
 
 def pose_of(recording):

@@ -14,19 +14,19 @@ from scraping_motions import (
     scraping_skill,
 )
 
-from structlearn.core import quaternion
-from structlearn.feedback.runtime import Controller
-from structlearn.primitives.sequence import default_start
-from structlearn.simulation.fingers import FingerPair, TouchParameters
-from structlearn.testbeds.scraping.world.corrector import CorrectorParameters, corrector, hold
-from structlearn.testbeds.scraping.world.demonstrator import (
+from dissertation.scraping.world.corrector import CorrectorParameters, corrector, hold
+from dissertation.scraping.world.demonstrator import (
     DemonstratorParameters,
     intended_movements,
     orientation_of,
 )
-from structlearn.testbeds.scraping.world.execution import FINGER_TICKS, ControlParameters, execute
-from structlearn.testbeds.scraping.world.scraping_world import WorldParameters
-from structlearn.testbeds.scraping.world.testbed import GuidanceParameters, guided_motion, pressure
+from dissertation.scraping.world.execution import FINGER_TICKS, ControlParameters, execute
+from dissertation.scraping.world.scraping_world import WorldParameters
+from dissertation.scraping.world.testbed import GuidanceParameters, guided_motion, pressure
+from dissertation.simulation.fingers import FingerPair, TouchParameters
+from structlearn.core import quaternion
+from structlearn.feedback.runtime import Controller
+from structlearn.primitives.sequence import default_start
 
 DT = 1 / 300
 SILENT = committed(ControlParameters, "testbed.control", force_noise_n=0.0, torque_noise_n_m=0.0)

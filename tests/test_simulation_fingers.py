@@ -6,8 +6,8 @@ from committed import committed
 from hypothesis import given
 from hypothesis import strategies as st
 
-from structlearn.simulation import fingers as fingers_module
-from structlearn.simulation.fingers import CHANNELS, FingerPair, TouchParameters
+from dissertation.simulation import fingers as fingers_module
+from dissertation.simulation.fingers import CHANNELS, FingerPair, TouchParameters
 from structlearn.tactile.electrodes import ELECTRODES_MM
 
 RATE_HZ = 100.0

@@ -3,18 +3,18 @@ import pytest
 from committed import committed
 from rigid_body_robots import carrying
 
-from structlearn.core.metrics import nmse
-from structlearn.rigid_body import compiled_dynamics
-from structlearn.rigid_body.compiled_dynamics import friction_rows
-from structlearn.simulation.arm import ArmParameters, Payload
-from structlearn.testbeds.dynamics.world.arm_motion import ArmMotionParameters
-from structlearn.testbeds.dynamics.world.joint_logs import (
+from dissertation.dynamics.world.arm_motion import ArmMotionParameters
+from dissertation.dynamics.world.joint_logs import (
     PayloadParameters,
     PerturbedRobotParameters,
     ideal_log,
     perturbed_mechanics,
     perturbed_robot_log,
 )
+from dissertation.simulation.arm import ArmParameters, Payload
+from structlearn.core.metrics import nmse
+from structlearn.rigid_body import compiled_dynamics
+from structlearn.rigid_body.compiled_dynamics import friction_rows
 
 MOTION = committed(ArmMotionParameters, "arm_motion", test={"duration_s": 4.0}).used
 SEED = 3
@@ -47,7 +47,7 @@ def test_the_ideal_log_obeys_the_urdfs_dynamics(robot, log):
 
 
 def test_the_perturbed_robot_differs_from_its_urdf_by_what_is_named(robot):
-    parameters = committed(PerturbedRobotParameters, "stand_in")
+    parameters = committed(PerturbedRobotParameters, "perturbed_robot")
     log = perturbed_robot_log(robot, parameters, SEED, MOTION)
     true = perturbed_mechanics(robot.tree, robot.inertias, parameters, SEED)
     friction = friction_rows(np.column_stack([true.viscous, true.coulomb]), ["viscous", "coulomb"])
@@ -60,7 +60,7 @@ def test_the_perturbed_robot_differs_from_its_urdf_by_what_is_named(robot):
 
 
 def test_links_of_the_perturbed_robot_are_real_bodies(robot):
-    parameters = committed(PerturbedRobotParameters, "stand_in", mass_spread=0.4)
+    parameters = committed(PerturbedRobotParameters, "perturbed_robot", mass_spread=0.4)
     mechanics = perturbed_mechanics(robot.tree, robot.inertias, parameters, SEED)
     moments = np.linalg.eigvalsh(mechanics.inertias.inertia)
     assert (mechanics.inertias.mass > 0).all()
@@ -71,7 +71,7 @@ def test_links_of_the_perturbed_robot_are_real_bodies(robot):
 
 SHARES = ("viscous_share", "coulomb_share", "ripple_share", "noise_share")
 SPREADS = ("mass_spread", "centre_spread_m", "latency_ticks")
-IDEAL = committed(PerturbedRobotParameters, "stand_in", **dict.fromkeys(SHARES + SPREADS, 0))
+IDEAL = committed(PerturbedRobotParameters, "perturbed_robot", **dict.fromkeys(SHARES + SPREADS, 0))
 
 
 def test_without_spread_friction_ripple_and_latency_the_perturbed_robot_is_ideal(robot, log):
@@ -82,7 +82,7 @@ def test_without_spread_friction_ripple_and_latency_the_perturbed_robot_is_ideal
 
 def test_a_robot_is_the_same_with_and_without_a_payload_until_it_picks_it_up(robot):
     """Every robot has links and noise of its own, and noise is not that of its other log."""
-    parameters = committed(PerturbedRobotParameters, "stand_in")
+    parameters = committed(PerturbedRobotParameters, "perturbed_robot")
     payload = committed(PayloadParameters, "record_motion.payload")
     half = 500
     empty, loaded, other = (

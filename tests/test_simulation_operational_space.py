@@ -5,8 +5,8 @@ import pinocchio
 import pytest
 from scraping_motions import FLAT, beside_contact
 
-from structlearn.testbeds.scraping.world import scraping_robot
-from structlearn.testbeds.scraping.world.operational_space import Target, control, controlled, observe
+from dissertation.scraping.world import scraping_robot
+from dissertation.scraping.world.operational_space import Target, control, controlled, observe
 
 ARM = scraping_robot.arm()
 EDGE = ARM.model.getFrameId("edge")

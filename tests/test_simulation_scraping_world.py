@@ -6,9 +6,9 @@ import pytest
 from committed import committed
 from scraping_motions import FLAT, beside_contact
 
-from structlearn.testbeds.scraping.world import scraping_world
-from structlearn.testbeds.scraping.world.operational_space import Target, control, controlled, observe
-from structlearn.testbeds.scraping.world.scraping_robot import ARM_JOINTS, arm, joint_angles, urdf
+from dissertation.scraping.world import scraping_world
+from dissertation.scraping.world.operational_space import Target, control, controlled, observe
+from dissertation.scraping.world.scraping_robot import ARM_JOINTS, arm, joint_angles, urdf
 
 ABOVE = beside_contact(0.05)
 NOTHING = np.zeros(6)

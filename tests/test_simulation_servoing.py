@@ -9,17 +9,17 @@ from committed import committed, committed_finger
 from hypothesis import given
 from hypothesis import strategies as st
 
-from structlearn.simulation.touch_demonstrator import ToucherParameters, covered
-from structlearn.tactile.electrodes import SKINS
-from structlearn.testbeds.servoing.protocol import servo_scores
-from structlearn.testbeds.servoing.protocol.servo_trials import MOTIONS, draw, make_scene
-from structlearn.testbeds.servoing.protocol.servo_variants import (
-    RESTING,
+from dissertation.servoing.protocol import servo_scores
+from dissertation.servoing.protocol.servo_trials import MOTIONS, draw, make_scene
+from dissertation.servoing.protocol.servo_variants import (
+    ADAPTIVE,
     ServoTrialParameters,
     ToleranceParameters,
     Variant,
 )
-from structlearn.testbeds.servoing.world.servo_loop import LoopParameters, LowPass, press, servo
+from dissertation.servoing.world.servo_loop import LoopParameters, LowPass, press, servo
+from dissertation.simulation.touch_demonstrator import ToucherParameters, covered
+from structlearn.tactile.electrodes import SKINS
 
 PERSON = committed(ToucherParameters, "toucher")
 PARAMETERS = committed(ServoTrialParameters, "servo", rest_s=1.0)
@@ -170,7 +170,7 @@ def test_only_the_pressure_is_wrong_of_misses_whose_contact_is_near():
     """Of one controller's trials; a contact at the very distance is near."""
     rows = [(True, 0.1), (True, 5.0), (False, 0.1), (False, 1.0), (False, 1.1), (False, 9.0), (False, 9.0)]
     table = pd.DataFrame(rows, columns=["success", "position_error_mm"])
-    one, other = Variant(RESTING, "NJ"), Variant(RESTING, "LL")
+    one, other = Variant(ADAPTIVE, "NJ"), Variant(ADAPTIVE, "LL")
     trials = pd.concat([table.assign(**vars(one)), table.iloc[::-2].assign(**vars(other))])
     scores = servo_scores.ControllerScores(trials)
     assert scores.only_pressed_wrong(one, 1.0) == 2

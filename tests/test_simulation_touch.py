@@ -8,10 +8,15 @@ from hypothesis import strategies as st
 from scipy.ndimage import binary_closing
 from scipy.optimize import minimize_scalar
 
+from dissertation.simulation.touch import Handle, make_finger, moved, rested, touch, touching
+from dissertation.simulation.touch_demonstrator import (
+    ToucherParameters,
+    demonstrate,
+    held_on_handle,
+    recorded,
+)
 from structlearn.core import quaternion
 from structlearn.readers.clock import check_recording
-from structlearn.simulation.touch import Handle, make_finger, moved, rested, touch, touching
-from structlearn.simulation.touch_demonstrator import ToucherParameters, demonstrate, held_on_handle, recorded
 from structlearn.tactile.electrodes import SKINS, biotac
 from structlearn.tactile.touch_dataset import contact_points
 

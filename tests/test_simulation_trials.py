@@ -7,17 +7,17 @@ import pytest
 from committed import committed
 from scraping_motions import DURATIONS_S, NAMES, constant_network, scraping_skill
 
-from structlearn.core import quaternion
-from structlearn.readers import synchronise
-from structlearn.readers.clock import check_recording
-from structlearn.testbeds.scraping.protocol.executions import (
+from dissertation.scraping.protocol.executions import (
     corrected_runs,
     evaluation_runs,
     executions,
     nominal_runs,
 )
-from structlearn.testbeds.scraping.world import testbed
-from structlearn.testbeds.scraping.world.demonstrator import DemonstratorParameters
+from dissertation.scraping.world import testbed
+from dissertation.scraping.world.demonstrator import DemonstratorParameters
+from structlearn.core import quaternion
+from structlearn.readers import synchronise
+from structlearn.readers.clock import check_recording
 
 KINDS = ["pose", "joint_positions", "joint_velocities", "joint_torques", "wrench"]
 KINDS += ["tactile", "tactile", "tool_to_board"]

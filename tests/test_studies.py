@@ -10,24 +10,22 @@ import pandas as pd
 import pytest
 import yaml
 from committed import ROOT, read_yaml
+from import_graph import packages
 
-from structlearn.core.artefacts import write_csv
-from structlearn.core.errors import InputError
-from structlearn.reporting import study_tables
-from structlearn.reporting.document import UNKNOWN_COMMIT, source_commit
-from structlearn.reporting.studies import (
+from dissertation.evidence import study_tables
+from dissertation.evidence.studies import (
     RESULTS,
     Check,
-    Made,
     Origin,
     Study,
+    StudyProvenance,
     extended,
     provenance,
     read_study,
     rests_on,
     stored_study,
 )
-from structlearn.reporting.study_tables import (
+from dissertation.evidence.study_tables import (
     CELLS,
     TOLERANCE,
     Description,
@@ -43,6 +41,10 @@ from structlearn.reporting.study_tables import (
     seeds_of,
     write_cell,
 )
+from structlearn.core import code_digests
+from structlearn.core.artefacts import write_csv
+from structlearn.core.errors import InputError
+from structlearn.reporting.document import UNKNOWN_COMMIT, source_commit
 
 NAME = "toy/people"
 DESCRIPTION = Description(
@@ -226,7 +228,7 @@ CHECK = Check(cell="3", commit="0a1b2c3", processor="here", exact=True, compared
 def test_a_study_says_by_whose_code_each_cell_was_made_and_which_was_run_again(cells, check, made, outcome):
     again = None if check is None else CHECK.model_copy(update=check)
     origins = {str(number): origin for number, origin in enumerate(cells, 1)}
-    study = Study({}, Made(parameters={}, seeds=[], cells=origins, check=again))
+    study = Study({}, StudyProvenance(parameters={}, seeds=[], cells=origins, check=again))
     told = f"; cell 3 repeated by 0a1b2c3: 70 numbers, {outcome}" if outcome else ", not repeated since"
     words = f"made by commit {made}{told}"
     assert provenance(study) == words
@@ -270,11 +272,19 @@ def test_every_study_names_what_is_there_and_nobody_on_whom_constants_were_chose
         changed(parameters, dict.fromkeys(description.seeds, 1) | variant.parameters)
         assert variant.first in description.stages
     upstream = set(made_with(name, description, root))
-    assert {one for one in planned["do"]["params"] if isinstance(one, str)} == upstream
-    assert {f"stages/{testbed}", f"data/code/main/{testbed}", *description.takes} <= set(
-        planned["do"]["deps"]
-    )
-    assert planned["do"]["outs"] == [f"{CELLS}/{name}/${{item}}"]
+    params = {file: set(keys) for one in planned["do"]["params"] for file, keys in one.items()}
+    assert params["../../params.yaml"] == upstream
+    scripts = [root / f"stages/{testbed}/{stage}.py" for stage in description.stages]
+    houses = (code_digests.LIBRARY, study_tables.REPRODUCTION)
+    assert params[".structlearn.yaml"] == {
+        code_digests.code_key(package, house)
+        for package in packages(root / "stages/studies/cell.py", *scripts)
+        for house in houses
+        if package.is_relative_to(house)
+    }
+    taken = {f"../../{path}" for path in description.takes}
+    assert set(planned["do"]["deps"]) == {"cell.py", f"../{testbed}", *taken}
+    assert planned["do"]["outs"] == [{f"../../{CELLS}/{name}/${{item}}": {"cache": False}}]
     population = parameters[POPULATIONS.get(testbed, f"{testbed}_people")]
     seeds = [seed for cell in planned["foreach"] for seed in seeds_of(str(cell))]
     assert len(set(seeds)) == len(seeds)

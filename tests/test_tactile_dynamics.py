@@ -1,4 +1,4 @@
-"""Forward and inverse dynamics of the latent state as published, and resting controllers."""
+"""Forward and inverse dynamics of the latent state as published, and adaptive controllers."""
 
 from itertools import pairwise
 
@@ -22,11 +22,11 @@ from structlearn.tactile.latent_dynamics import (
     receding_horizon_action,
 )
 from structlearn.tactile.latent_models import LatentModels, StackedAutoencoders, latent_losses
-from structlearn.tactile.latent_parameters import NetworkParameters
+from structlearn.tactile.latent_parameters import LatentNetworkParameters
 from structlearn.tactile.latent_training import CHAIN_STEPS
 from structlearn.tactile.servo_controller import (
-    Caution,
-    RestingServo,
+    AdaptiveServo,
+    ModelTrust,
     ServoParameters,
     action_slope,
     corrected,
@@ -172,7 +172,7 @@ def test_two_samples_at_one_point_have_a_gradient():
     assert all(gradient.isfinite().all() for gradient in found)
 
 
-# --- resting controllers: slopes, the best step along a gradient, what steps correct
+# --- adaptive controllers: slopes, the best step along a gradient, what steps correct
 
 
 def test_slopes_over_a_short_distance_are_derivatives():
@@ -270,8 +270,11 @@ def test_what_a_trial_corrects_no_other_trial_sees():
 
 def controller(inverse, horizon=1, by_likelihood=True, action_penalty=0.01):
     models = LatentModels.initial(
-        (0, 1), 19, committed(NetworkParameters, "train_latent.networks"), torch.Generator().manual_seed(3)
+        (0, 1),
+        19,
+        committed(LatentNetworkParameters, "train_latent.networks"),
+        torch.Generator().manual_seed(3),
     ).detached()
     parameters = ServoParameters(inverse=inverse, horizon=horizon, action_penalty=action_penalty)
-    servo = RestingServo(models, UNITS, True, parameters, 100 / 31, 6, Caution(by_likelihood, 1.5, 1.0))
+    servo = AdaptiveServo(models, UNITS, True, parameters, 100 / 31, 6, ModelTrust(by_likelihood, 1.5, 1.0))
     return servo, np.random.default_rng(0).normal(size=(2, 7, 3))

@@ -3,6 +3,7 @@
 import numpy as np
 import pandas as pd
 import pytest
+from committed import ROOT, own_tasks, read_yaml
 from rigid_body_arms import planar_arm
 from test_rigid_body_excitation import two_joints
 
@@ -15,11 +16,10 @@ from structlearn.tasks.motion import excite
 @pytest.fixture
 def few(monkeypatch):
     """Parameters of a quick search."""
-    whole = excite.stage_parameters("excite", excite.ExciteParameters, excite.project.defaults_file())
+    whole = excite.stage_parameters("excite", excite.ExciteParameters, excite.project.DEFAULTS)
     changed = {"harmonics": 2, "period_s": 4.0, "starts": 1, "iterations": 10, "compared": 5, "draws": 20}
     parameters = whole.model_copy(update=changed)
     monkeypatch.setattr(excite, "stage_parameters", lambda *_: parameters)
-    monkeypatch.setattr(excite.project, "defaults_file", lambda: None)
     return parameters
 
 
@@ -51,7 +51,12 @@ def test_amplitudes_shrink_until_links_keep_their_distance(tmp_path, monkeypatch
     np.testing.assert_allclose(size[1], size[0] * excite.SHRINKS[2])
 
 
-def test_a_task_that_names_no_robot_is_an_error():
+def test_a_task_that_names_no_robot_is_an_error(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    entries = read_yaml(ROOT / "examples/pick.yaml")["movement"]
+    own_tasks(
+        tmp_path, **entries, reaches={name: one for name, one in entries["pick"].items() if name != "robot"}
+    )
     with pytest.raises(InputError, match="reaches: names no robot"):
         excite.robot_of("reaches")
     assert excite.robot_of("pick")[0] == "franka_panda/panda.urdf"

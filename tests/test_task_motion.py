@@ -13,6 +13,7 @@ from committed import TASK_FILE
 from pydantic import ValidationError
 from rigid_body_robots import joint, link
 
+from dissertation.simulation.arm import Payload, carrying
 from structlearn.core.errors import InputError
 from structlearn.core.minimum_jerk import progress
 from structlearn.readers.joint_log import JointLog
@@ -21,10 +22,10 @@ from structlearn.rigid_body.dynamics_models import rigid_body_torques
 from structlearn.rigid_body.friction import friction_columns
 from structlearn.rigid_body.motion import Motion
 from structlearn.rigid_body.regressor import link_parameters, torque_regressor
-from structlearn.rigid_body.tree import LinkInertias, Robot, read_urdf
-from structlearn.simulation.arm import Payload, carrying
+from structlearn.rigid_body.robot import Robot, read_urdf
+from structlearn.rigid_body.tree import LinkInertias
 from structlearn.tasks.motion.joint_motion import learn_motion
-from structlearn.tasks.motion.motion_parameters import MotionParameters
+from structlearn.tasks.motion.parameters import LARGEST_CONDITION, MotionParameters
 
 
 def parameters(**changes) -> MotionParameters:
@@ -118,7 +119,7 @@ def test_base_parameters_come_with_intervals_that_hold_the_truth(several):
     results, _ = several
     robot = arm()[0]
     true = base_parameters(robot.tree).values(heavier(robot.inertias))
-    assert results.excitation["condition"][0] < parameters().largest_condition
+    assert results.excitation["condition"][0] < LARGEST_CONDITION
     assert np.abs(results.base["value"] - true).max() < 0.05
     inside = (results.base["low"] - 0.02 <= true) & (true <= results.base["high"] + 0.02)
     assert inside.all()
@@ -161,7 +162,7 @@ def test_of_a_single_log_every_fourth_block_is_held_out_and_little_motion_is_tol
     assert errors["nmse"].max() < 0.02
     less = np.array([0.01, 0.01, 1.0, 0.01])  # the gripper, then bend, lift and turn
     small = replace(log, positions=log.positions * less, velocities=log.velocities * less)
-    assert identified(tmp_path, [small]).excitation["condition"][0] > parameters().largest_condition
+    assert identified(tmp_path, [small]).excitation["condition"][0] > LARGEST_CONDITION
 
 
 def test_a_log_that_is_too_short_or_lacks_a_joint_is_refused(tmp_path):

@@ -7,31 +7,29 @@ from itertools import product
 import numpy as np
 import pandas as pd
 import pytest
-from committed import committed
+from committed import committed, committed_entry
 from readers_bags import recorded_data
 
+from dissertation.evidence.claims import read_claims
+from dissertation.recorded.coupling import learning as coupling_representations
+from dissertation.recorded.coupling import page as section
+from dissertation.recorded.readers import coupling_samples
 from structlearn.avoidance import scene_folds, scene_models
 from structlearn.avoidance.avoidance_dataset import AvoidanceDataset
 from structlearn.avoidance.features import features
-from structlearn.avoidance.network_training import NetworkParameters
-from structlearn.avoidance.scene_folds import MODELS, WAYS, folds_of_people, learn_past_obstacles
-from structlearn.avoidance.scene_reaches import SceneLearningParameters, reaches_past_obstacles
+from structlearn.avoidance.scene_folds import ALL_MODELS, MODELS, folds_of_people, learn_past_obstacles
+from structlearn.avoidance.scene_reaches import ONSET_SHARE, SceneLearningParameters, reaches_past_obstacles
 from structlearn.core.errors import InputError, MissingInputError
 from structlearn.core.metrics import wilson_interval
 from structlearn.core.minimum_jerk import progress
-from structlearn.feedback.coupling_model import TrainingParameters
 from structlearn.primitives import canonical, kernels
 from structlearn.primitives.position import fit_position
 from structlearn.readers.demonstration import Demonstration, NamedShape
-from structlearn.reporting.claims import read_claims
-from structlearn.tasks.obstacles import coupling_representations, coupling_samples
-from structlearn.tasks.obstacles import representations_section as section
-from structlearn.tasks.obstacles.coupling_representations import RepresentationParameters, samples_of_reaches
-from structlearn.tasks.obstacles.scene_section import SceneWays, scene_findings, scene_pictures
+from structlearn.tasks.obstacles.page import SceneWays, scene_findings, scene_pictures
 
 BOXES = {"walls": ["boundary"], "reaches": {"longest_s": 4.0}}
 QUICK = {"folds": 2, "network": {"members": 1, "training": {"iterations": 4}}}
-QUICK |= {"text_network": {"training": {"iterations": 4}}}
+QUICK |= {"published_network": {"training": {"iterations": 4}}}
 PARAMETERS = committed(SceneLearningParameters, "defaults.obstacles", tuned_on=["p0"], **BOXES, **QUICK)
 RATE_HZ, REST_S, MOVE_S = 90.0, 0.6, 1.5
 UPRIGHT = np.array([1.0, 0.0, 0.0, 0.0])
@@ -79,7 +77,7 @@ def test_a_reach_begins_at_its_onset_and_ends_at_the_target():
     (reach,), left_out = reaches_past_obstacles([made_up_trial("p1", 0, 0.1)], PARAMETERS)
     assert left_out.empty
     speed = np.gradient(progress(np.linspace(0.0, 1.0, 2001)))
-    begins = MOVE_S * np.argmax(speed > PARAMETERS.reaches.onset_share * speed.max()) / 2000
+    begins = MOVE_S * np.argmax(speed > ONSET_SHARE * speed.max()) / 2000
     assert reach.duration_s == pytest.approx(MOVE_S - begins, abs=0.04)
     assert np.allclose(reach.in_base_frame[-1], [0.0, 0.15, 0.78], atol=2e-3)
     assert np.allclose(reach.path.position[0], 0.0)
@@ -133,7 +131,7 @@ def test_nobody_is_judged_by_what_was_learned_from_them():
     results = made_up_results()
     assert set(results.reaches["person"]) == {"p1", "p2"}  # p0 is only learned from
     assert results.reaches.groupby("person")["fold"].nunique().eq(1).all()
-    assert results.reaches.groupby("way").size().to_dict() == dict.fromkeys(scene_folds.WAYS, 6)
+    assert results.reaches.groupby("model").size().to_dict() == dict.fromkeys(scene_folds.ALL_MODELS, 6)
     # pictures are chosen by the scene alone
     assert results.paths["reach"].unique().tolist() == ["p1_0", "p1_2", "p2_0", "p2_2"]
     shuffled = results.reaches.assign(hit=~results.reaches["hit"]).sample(frac=1.0, random_state=0)
@@ -154,7 +152,7 @@ def test_few_people_are_left_out_one_at_a_time():
 
 
 def test_scores_tell_blocked_from_free_and_the_sides():
-    rows = made_up_results().reaches.set_index(["way", "reach"])
+    rows = made_up_results().reaches.set_index(["model", "reach"])
     none = rows.loc["none"]
     assert none["blocked"].tolist() == [True, False, True] * 2
     assert none["hit"].tolist() == [True, False, True] * 2
@@ -163,7 +161,7 @@ def test_scores_tell_blocked_from_free_and_the_sides():
     assert not planned["hit"].any()
     assert planned["left_mm"].max() < 1e-6
     assert planned.loc["p1_1", "same_gaps"]
-    assert rows.loc["scene", "left_mm"].max() < 1e3 * PARAMETERS.end_limit_m + 5.0
+    assert rows.loc["scene", "left_mm"].max() < 1e3 * scene_models.END_LIMIT_M + 5.0
     reaches, _ = made_up_reaches()
     own = np.array([reach.in_base_frame for reach in reaches])  # who is the same as themselves
     rows = scene_folds.scores(reaches, own, np.zeros(len(own)), PARAMETERS.hand_radius_m)
@@ -188,11 +186,9 @@ def test_the_text_sees_the_nearest_box():
 
 def test_without_feedback_it_is_the_primitive_and_with_its_target_the_demonstration():
     reaches, _ = made_up_reaches()
-    baseline = scene_models.straight_baseline(reaches, PARAMETERS.straight_share)
+    baseline = scene_models.straight_baseline(reaches)
     bent = [one for one in reaches if one.name.endswith("_0")]  # none is straight, the first straightest
-    alone, both = (
-        scene_models.straight_baseline(some, PARAMETERS.straight_share) for some in (bent[:1], bent)
-    )
+    alone, both = (scene_models.straight_baseline(some) for some in (bent[:1], bent))
     assert np.array_equal(alone.unroll(0.01, duration=1.0).position, both.unroll(0.01, duration=1.0).position)
     goals, samples = np.array([reach.goal for reach in reaches]), PARAMETERS.reaches.samples
     alone = scene_models.unroll_through(baseline, goals, None, samples)
@@ -216,7 +212,7 @@ def test_states_elsewhere_lead_back():
     reaches, _ = made_up_reaches()
     baseline = fit_position([reach.path for reach in reaches]).local
     states = scene_models.scene_states([reach.path for reach in reaches], baseline, 10)
-    beside = scene_models.displaced_states(states, PARAMETERS.network, 60.0, (0, 0))
+    beside = scene_models.displaced_states(states, PARAMETERS.network, (0, 0))
     count = len(states.time)
     assert len(beside.time) == 2 * count
     assert np.array_equal(beside.position[:count], states.position)
@@ -224,11 +220,11 @@ def test_states_elsewhere_lead_back():
     assert np.allclose(beside.target[count:], states.target - 60.0 * off)
     assert 0.5 < off.std() / PARAMETERS.network.displaced_m < 1.5
     few = PARAMETERS.network.model_copy(update={"demonstrations": 2})
-    assert len(np.unique(scene_models.displaced_states(states, few, 60.0, (0, 0)).scene)) == 2
+    assert len(np.unique(scene_models.displaced_states(states, few, (0, 0)).scene)) == 2
     scenes = scene_models.reach_scenes(reaches, PARAMETERS)
-    dataset = scene_models.samples_of_scene(states, scenes, PARAMETERS.look_ahead.ahead_m)
+    dataset = scene_models.samples_of_scene(states, scenes)
     one = states.where(states.scene == 4)
-    alone = scene_models.samples_of_scene(one, scenes, PARAMETERS.look_ahead.ahead_m)
+    alone = scene_models.samples_of_scene(one, scenes)
     assert np.array_equal(dataset.features[states.scene == 4], alone.features)
 
 
@@ -246,11 +242,8 @@ def recordings():
     return runs
 
 
-def test_representations_are_compared_on_reaches_of_a_task_too():
+def test_a_single_reach_is_too_few():
     parameters = committed(SceneLearningParameters, "defaults.obstacles", **QUICK)
-    samples = samples_of_reaches(recordings(), parameters)
-    assert len(np.unique(samples.demonstration)) == 6
-    assert samples.features.shape == (len(samples), 17)
     with pytest.raises(InputError, match=r"^reaches of 1 people, 1 of them"):
         learn_past_obstacles(recordings()[:1], parameters)
 
@@ -264,12 +257,15 @@ def made_up_ways():
 
     Person 1 touches a box once and takes another gap: if nobody did, how people differ would be unknown.
     """
-    touching = dict.fromkeys(WAYS, 10) | {"none": 11, "human_inspired": 11, "nearest": 8}
+    touching = dict.fromkeys(ALL_MODELS, 10) | {"none": 11, "human_inspired": 11, "nearest": 8}
     touching |= {scene_models.PUBLISHED: 0, scene_models.SCENE: 0, "planned": 0}
-    keys = [(way, person, number) for way, person, number in product(WAYS, range(PEOPLE), range(REACHES))]
-    rows = pd.DataFrame(keys, columns=["way", "fold", "number"])
-    people, number, scene = rows["fold"], rows["number"], rows["way"] == scene_models.SCENE
-    most = rows["way"].map(touching)
+    keys = [
+        (model, person, number)
+        for model, person, number in product(ALL_MODELS, range(PEOPLE), range(REACHES))
+    ]
+    rows = pd.DataFrame(keys, columns=["model", "fold", "number"])
+    people, number, scene = rows["fold"], rows["number"], rows["model"] == scene_models.SCENE
+    most = rows["model"].map(touching)
     rows = rows.assign(
         reach=[f"p{person}_{one}" for _, person, one in keys],
         person=[f"p{person}" for _, person, _ in keys],
@@ -282,11 +278,13 @@ def made_up_ways():
         path_mm=np.where(scene, 15.0 + 0.1 * people, 40.0),
         same_gaps=(people != 1) | (number != 0) | ~scene,
     ).drop(columns="number")
-    errors = pd.DataFrame(product(MODELS, "xyz", range(4)), columns=["way", "axis", "fold"])
+    errors = pd.DataFrame(product(MODELS, "xyz", range(4)), columns=["model", "axis", "fold"])
     time, reaches = np.linspace(0.0, 1.5, 20), ("p0_1", "p1_1", "p2_1")
     paths = [
-        pd.DataFrame({"reach": reach, "way": way, "time_s": time, "x_m": 0.1, "y_m": time / 3, "z_m": 0.8})
-        for reach, way in product(reaches, ("recorded", *WAYS))
+        pd.DataFrame(
+            {"reach": reach, "model": model, "time_s": time, "x_m": 0.1, "y_m": time / 3, "z_m": 0.8}
+        )
+        for reach, model in product(reaches, ("recorded", *ALL_MODELS))
     ]
     shapes = pd.DataFrame(product(reaches, (True, True, False)), columns=["reach", "box"])
     place = {"x_m": 0.2 * shapes["box"], "y_m": -0.05, "z_m": 0.79}
@@ -304,7 +302,7 @@ def made_up_ways():
 
 
 def verdicts(root, found):
-    claims, find = read_claims(root / "stages/tasks/claims/boxes.yaml"), scene_findings(found)
+    claims, find = read_claims(root / "src/dissertation/recorded/claims/boxes.yaml"), scene_findings(found)
     return {claim.evidence: claim.verdict(find[claim.evidence]) for claim in claims}
 
 
@@ -371,7 +369,7 @@ def write(folder, found):
 def test_samples_and_their_phase_are_read(tmp_path):
     found, time = tables()
     write(tmp_path, found)
-    dataset, provenance = coupling_samples.read_obstacles(tmp_path)
+    dataset, provenance = coupling_samples.read_coupling(tmp_path)
     np.testing.assert_array_equal(dataset.features, found["features"])
     np.testing.assert_array_equal(dataset.target, found["target"])
     p, u = canonical.phase(time, canonical.TAU_PER_DURATION)
@@ -385,7 +383,7 @@ def test_samples_and_their_phase_are_read(tmp_path):
 
 def test_faults_name_the_file(tmp_path):
     with pytest.raises(InputError, match="holds no samples of obstacle avoidance"):
-        coupling_samples.read_obstacles(tmp_path)
+        coupling_samples.read_coupling(tmp_path)
     found, _ = tables()
     wrong = found["features"].copy()
     wrong[3, 15] += 0.5
@@ -399,7 +397,7 @@ def test_faults_name_the_file(tmp_path):
     ):
         write(tmp_path, found | changes)
         with pytest.raises(InputError, match=message):
-            coupling_samples.read_obstacles(tmp_path)
+            coupling_samples.read_coupling(tmp_path)
 
 
 def phase_dependent(count=120, seed=0):
@@ -413,14 +411,14 @@ def phase_dependent(count=120, seed=0):
 
 
 def test_representations_are_compared_on_the_same_held_out_samples():
-    dataset, key = phase_dependent(), "obstacle_training.per_setting"
-    network = committed(NetworkParameters, key, hidden=(6,), members=2, training={"iterations": 12})
-    pmnn = committed(TrainingParameters, "compare_models", steps=60, dropout=0.0, evaluate_every=30)
+    dataset = phase_dependent()
+    network = {"hidden": (6,), "members": 2, "training": {"iterations": 12}}
+    pmnn = {"steps": 60, "dropout": 0.0, "evaluate_every": 30}
     its = {"folds": 2, "network": network, "pmnn": pmnn, "pmnn_hidden": (8,)}
-    parameters = committed(RepresentationParameters, "defaults.obstacles.representations", **its)
+    parameters = committed_entry("avoidance", **its)
     with pytest.raises(InputError, match="too few for 2 folds"):
-        coupling_representations.compare_representations(phase_dependent(3), parameters)
-    results = coupling_representations.compare_representations(dataset, parameters)
+        coupling_representations.representation_scores(phase_dependent(3), parameters)
+    results = coupling_representations.representation_scores(dataset, parameters)
     scores = results["scores"].set_index(KEYS)
     assert list(scores.index.droplevel("axis").unique()) == list(coupling_representations.REPRESENTATIONS)
     # the pooled error is the mean over folds of the share of each, and ridge regression can be redone by hand
@@ -463,7 +461,7 @@ def test_claims_follow_the_tables(root):
     kinds = [dict.fromkeys(pair) for pair in zip(*coupling_representations.REPRESENTATIONS, strict=True)]
     written = [set(section.REPRESENTATIONS), set(section.INPUTS)]
     assert written == [set(names) for names in kinds]  # they stand as text there
-    claims = read_claims(root / "stages/tasks/claims/avoidance.yaml")
+    claims = read_claims(root / "src/dissertation/recorded/claims/avoidance.yaml")
     find = section.representation_findings(made_up_scores())
     words = [claim.verdict(one, case) for claim in claims for case, one in find[claim.evidence].items()]
     assert set(words) == {"yes"}
@@ -473,10 +471,10 @@ def test_claims_follow_the_tables(root):
 
 
 def test_the_recorded_samples():
-    dataset, _ = coupling_samples.read_obstacles(recorded_data("clmc"))
+    dataset, _ = coupling_samples.read_coupling(recorded_data("clmc"))
     assert len(dataset) == 823
     _, u = canonical.phase(dataset.time, canonical.time_constant(1.0))
-    np.testing.assert_allclose(dataset.phase_velocity, u, atol=0.07)  # two ways to the same phase
+    np.testing.assert_allclose(dataset.phase_velocity, u, atol=0.07)  # two models to the same phase
     # a phase that were not the samples' own would not tell the speed along the reach
     correlation = np.corrcoef(dataset.features[:, 12], np.sin(np.pi * np.clip(dataset.time, 0.0, 1.0)))[0, 1]
     assert correlation > 0.5

@@ -6,16 +6,16 @@ import pytest
 from committed import committed_entry
 from readers_bags import recorded_data
 
+from dissertation.recorded.parts.learning import characters_left_out, learn_parts
+from dissertation.recorded.parts.page import parts_section
+from dissertation.recorded.parts.parameters import AUTHORS, RANDOM
+from dissertation.recorded.readers import delan_characters
 from structlearn.core.errors import InputError, MissingInputError
-from structlearn.readers import delan_characters
 from structlearn.readers.joint_log import PartedLog, read_log_table, write_log_table
 from structlearn.rigid_body.dynamics_models import predicted_torques, rigid_body_torques, torque_parts
 from structlearn.rigid_body.identification import fit_planar_arm, planar_tree
 from structlearn.rigid_body.motion import Motion
 from structlearn.rigid_body.tree import LinkInertias
-from structlearn.tasks.motion.motion_parameters import AUTHORS, RANDOM
-from structlearn.tasks.motion.motion_section import parts_section
-from structlearn.tasks.motion.torque_parts import held_out, learn_parts
 
 PLACES = np.array([[0.6, -0.2]])
 BODIES = LinkInertias(
@@ -49,15 +49,15 @@ def test_lengths_and_torques_of_an_arm_are_found_from_its_motion():
     assert np.linalg.eigvalsh(model.inertias().inertia).min() > 0.0
 
 
-def test_every_model_is_scored_on_what_it_did_not_see(tmp_path):
+def test_every_model_is_scored_on_what_it_did_not_see():
     quick = {"left_out": ("p",), "seeds": 2, "splits": 3, "epochs": 2, "batch": 64}
     quick |= {"hidden": {"mlp": (4,), "delan": (4,)}}
     quick["published"] = dict.fromkeys(("torque", "coriolis", "inertial", "gravity", "power"), 1e-3)
-    parameters = committed_entry("delan_characters", parts=quick).parts
+    parameters = committed_entry("delan_characters", **quick)
     logs = {name: log(name, seed) for seed, name in enumerate("pqr")}
-    choices = held_out(list(logs), parameters)
+    choices = characters_left_out(list(logs), parameters)
     assert [its[0] for its in choices] == [AUTHORS] * 2 + [RANDOM] * 3
-    tables = learn_parts(logs, parameters, 300, tmp_path / "motion")
+    tables = learn_parts(logs, parameters)
     parts = tables["parts"]
     assert len(parts) == 5 * (5 + 5 + 4)
     assert parts[parts["model"] == "cov"]["error"].max() < 1e-6  # its torques are those of such an arm
@@ -67,26 +67,26 @@ def test_every_model_is_scored_on_what_it_did_not_see(tmp_path):
     torque = parts.query("model == 'delan' and protocol == @AUTHORS and measure == 'torque'")["error"]
     assert find["delan_authors"]["torque"].value == pytest.approx(1e3 * torque.mean())
     with pytest.raises(InputError, match="logs to leave out are p"):
-        learn_parts({"q": logs["q"]}, parameters, 300, tmp_path)
+        learn_parts({"q": logs["q"]}, parameters)
 
 
 def test_characters_are_read_with_their_parts_and_faults_are_named(tmp_path):
     with pytest.raises(MissingInputError, match=r"holds no characters\.npz"):
-        delan_characters.read_motion(tmp_path)
+        delan_characters.read_parts(tmp_path)
     whole = {f"b/{name}": np.full((3, 2), 1.0) for name in delan_characters.ARRAYS.values()}
     np.savez(tmp_path / "characters.npz", **whole, **{"b/t": np.array([0.0, 0.04, 0.08])})
-    (one,) = delan_characters.read_motion(tmp_path)
+    (one,) = delan_characters.read_parts(tmp_path)
     assert (one.name, one.provenance["origin"]) == ("b", "simulated")
     write_log_table([one], tmp_path / "logs.parquet")
     (again,) = read_log_table(tmp_path / "logs.parquet", PartedLog)
     np.testing.assert_array_equal(again.coriolis, one.coriolis)
     np.savez(tmp_path / "characters.npz", **whole)
     with pytest.raises(InputError, match=r"characters\.npz: has no array b/t"):
-        delan_characters.read_motion(tmp_path)
+        delan_characters.read_parts(tmp_path)
 
 
 def test_the_published_torques_are_the_sum_of_their_parts():
-    logs = delan_characters.read_motion(recorded_data("delan_characters"))
+    logs = delan_characters.read_parts(recorded_data("delan_characters"))
     assert len(logs) == 20
     for one in logs:
         np.testing.assert_allclose(one.inertial + one.coriolis + one.gravity, one.torques, atol=1e-12)

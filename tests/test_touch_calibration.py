@@ -6,10 +6,10 @@ import numpy as np
 import pytest
 from committed import committed
 
+from dissertation.recorded.calibration import touch_calibration
+from dissertation.recorded.calibration.touch_calibration import FingerTrace, finger_traces
 from structlearn.core.errors import InputError
 from structlearn.readers.demonstration import Recording, Stream
-from structlearn.tasks.touch import touch_calibration
-from structlearn.tasks.touch.touch_calibration import FingerTrace, finger_traces
 from structlearn.tasks.touch.touch_names import CALIBRATED, REFERENCE
 
 RATE_HZ = 100.0

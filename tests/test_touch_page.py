@@ -11,17 +11,17 @@ from committed import ROOT, committed_entry
 from reporting_verdicts import AnyFigure, verdicts
 from test_touch_calibration import PARAMETERS, calibrated
 
+from dissertation.evidence.claims import judge, read_claims
+from dissertation.recorded import set_page
+from dissertation.recorded.calibration import calibration_section
+from dissertation.recorded.transfer.page import find_transfer
 from structlearn.core.artefacts import write_csv, write_table
-from structlearn.reporting.claims import judge, read_claims
-from structlearn.reporting.document import environment, render, words_in_view
-from structlearn.tasks import task_page
+from structlearn.reporting.document import render, words_in_view
 from structlearn.tasks.task_entry import source_digests, write_task
 from structlearn.tasks.task_files import LEFT_OUT, TaskFiles
-from structlearn.tasks.touch import calibration_section
 from structlearn.tasks.touch.skin_section import SkinRuns, find_skin
 from structlearn.tasks.touch.surface_section import find_surfaces
-from structlearn.tasks.touch.touch_names import ASKED, COMPONENTS, PARTNERS, PLAIN, SLIDES, STRUCTURED
-from structlearn.tasks.touch.transfer_section import find_transfer
+from structlearn.tasks.touch.touch_names import COMPONENTS, PARTNERS, PLAIN, SLIDES, STRUCTURED, TESTS
 
 
 def rows(columns, values):
@@ -65,11 +65,11 @@ def transfer():
     nmse = {STRUCTURED: error, PLAIN: error, COMPONENTS: 0.5}
     errors = [
         (*key, model, part, 0, nmse[model] + 0.001 * part, 1.0, error + 0.001 * part, 0.02)
-        for key in ASKED
+        for key in TESTS
         for model in nmse
         for part in range(4)
     ]
-    columns = "learned_from asked_about new model part seed reconstruction worst_electrode distances pressure"
+    columns = "learned_from test_run new model part seed reconstruction worst_electrode distances pressure"
     numbers = {"trials": 4, "samples": 900, "counts": 8.0, "against": 0.2, "components": 6}
     numbers |= {"start_counts": 21.0, "end_counts": 3.0}
     numbers |= dict.fromkeys(("along_mm", "across_mm"), 0.2) | dict.fromkeys(
@@ -102,18 +102,17 @@ FIND = {
 @pytest.mark.parametrize("name", MADE_UP)
 def test_every_claim_can_say_yes(name):
     """That each can say no as well is a test of its own, over all pages."""
-    claims = read_claims(ROOT / f"stages/tasks/claims/{name}.yaml")
-    judged = judge(claims, FIND[name](MADE_UP[name]()), environment(task_page.PACKAGE), {})
+    claims = read_claims(ROOT / f"src/dissertation/recorded/claims/{name}.yaml")
+    judged = judge(claims, FIND[name](MADE_UP[name]()), {})
     assert {one.verdict for one in judged} == {"yes"}
 
 
 @pytest.fixture
 def shown(tmp_path, monkeypatch):
     """Of a task with these tables: its page in HTML, and what was found."""
-    (tmp_path / "stages").symlink_to(ROOT / "stages")
     monkeypatch.chdir(tmp_path)
     published = []
-    monkeypatch.setattr(task_page, "publish_report", lambda *given, **_: published.append(given))
+    monkeypatch.setattr(set_page, "publish_judged", lambda *given, **_: published.append(given))
 
     def show(name, tables):
         files = TaskFiles(name)
@@ -122,8 +121,8 @@ def shown(tmp_path, monkeypatch):
         write_task(entry, source_digests(entry), files.parameters)
         write_csv(pd.DataFrame({"file": [], "reason": []}), files.recorded / LEFT_OUT)
         for table, its in tables.items():
-            write_table(its, files.folder / f"touch/{table}.parquet")
-        task_page.publish_page(files)
+            write_table(its, files.learned / f"{table}.parquet")
+        set_page.publish_set(files)
         _, pages, drawn, _, find = published[-1]
         page = render(pages["index"], AnyFigure())
         assert words_in_view(page) <= 1000
@@ -143,7 +142,7 @@ def test_a_skin_is_shown_as_far_as_it_was_recorded(there, shown):
     tables = skin()
     tables["map"] = tables["maps"]
     tables["recordings"] = pd.DataFrame({"recording": ["a"], "samples": [25], "touching": [25]})
-    alone = tables["errors"][tables["errors"]["learned_from"] == tables["errors"]["asked_about"]]
+    alone = tables["errors"][tables["errors"]["learned_from"] == tables["errors"]["test_run"]]
     if "maps" not in there:
         tables["errors"] = alone
     if "recordings" not in there:
@@ -158,7 +157,7 @@ def test_a_skin_is_shown_as_far_as_it_was_recorded(there, shown):
 def test_touch_goes_on_with_one_of_its_sets(missing, shown):
     gone, tables = {missing, PARTNERS[missing]}, dict(transfer())
     for name, columns in (
-        ("errors", ("learned_from", "asked_about")),
+        ("errors", ("learned_from", "test_run")),
         ("sets", ("set",)),
         ("likeness", ("first", "second")),
         ("correlations", ("set",)),
@@ -187,7 +186,7 @@ def test_slides_over_one_material_are_enough(shown):
 
 def test_calibration_says_what_agrees():
     equal, stronger = (calibration_section.find_calibration(calibrated(gain)) for gain in (1.0, 3.0))
-    claims = {"package": "structlearn.tasks.touch", "file": "calibration_claims.yaml"}
+    claims = {"package": "dissertation.recorded.calibration", "file": "calibration_claims.yaml"}
     assert set(verdicts(found=equal, **claims).values()) == {"yes"}
     words = verdicts(found=stronger, **claims)
     assert (words["contact"], words["noise"]) == ("no", "yes")

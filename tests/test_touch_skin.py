@@ -19,7 +19,7 @@ from structlearn.tasks.touch import touch_names as names
 from structlearn.tasks.touch.skin_protocol import learn_touch, table_of
 from structlearn.tasks.touch.skin_section import SkinRuns, find_skin
 from structlearn.tasks.touch.skin_touches import folds_of, gathered
-from structlearn.tasks.touch.touch_view import write_skin
+from structlearn.tasks.touch.view import write_skin
 
 CHANNELS = tuple(str(channel) for channel in range(15))
 
@@ -129,7 +129,7 @@ def test_a_run_of_one_depth_acts_on_presses_of_that_depth(learned):
     assert 0 < len(one_depth.pressure) < 288
     assert np.abs(one_depth.place[:, 2]).max() <= 0.5e-3
     servo = tables["servo"]
-    assert set(servo["controller"]) == {names.CORRECTED, *names.PUBLISHED_SERVO}
+    assert set(servo["controller"]) == {names.ADAPTIVE, *names.PUBLISHED_SERVO}
     assert (servo.loc[servo["arrived"], "left_mm"] <= SMALL.servo.tolerance_mm).all()
 
 
@@ -184,7 +184,7 @@ def test_a_run_in_one_block_has_nothing_held_out():
 
 def both_ways(table, first, second):
     ways = (first, second), (second, first)
-    its = [table.assign(learned_from=one, asked_about=other) for one, other in ways]
+    its = [table.assign(learned_from=one, test_run=other) for one, other in ways]
     return pd.concat(its, ignore_index=True)
 
 
@@ -199,13 +199,13 @@ def made_up():
         nmses = ("map_nmse", "pressure_nmse", "signal_nmse", "depth_nmse")
         columns = dict.fromkeys(nmses, (0.01 if ours else 0.5) * wiggle)
         columns |= dict.fromkeys(("latent_mm", "laid_mm"), (0.5 if ours else 2.0) * wiggle)
-        columns |= {"learned_from": first, "asked_about": second, "new": new, "model": model, "seed": 0}
+        columns |= {"learned_from": first, "test_run": second, "new": new, "model": model, "seed": 0}
         errors.append(pd.DataFrame({"block": range(6), "presses": 20} | columns))
     x, y = grid(5).T
     maps = pd.DataFrame({"x_m": x, "y_m": y, "z_m": 0.0, "pressure": 0.0, "map_x_m": x, "map_y_m": y})
     path = pd.DataFrame({"trial": np.repeat(range(3), 4), "step": np.tile(range(4), 3), "x_m": 0.0})
     path = path.assign(y_m=0.0, target_x_m=1e-3, target_y_m=1e-3)
-    controllers = (*names.PUBLISHED_SERVO, names.CORRECTED)
+    controllers = (*names.PUBLISHED_SERVO, names.ADAPTIVE)
     servo = [
         (model, controller, trial, model == "structured", 1.05 * (1 + 0.001 * (trial % 3)))
         for model, controller, trial in product(("structured", "reconstruction only"), controllers, range(20))
@@ -227,7 +227,7 @@ def made_up():
         "errors": pd.concat(errors, ignore_index=True),
         "force": both_ways(force, "c", "d"),
         "lags": pd.DataFrame(lag),
-        "traces": pd.DataFrame(traces | {"asked_about": "d"}),
+        "traces": pd.DataFrame(traces | {"test_run": "d"}),
         "published": published.assign(seen="counts", rms=0.1, readings=200),
     }
     return SkinRuns(tables, ("a",))
@@ -235,7 +235,7 @@ def made_up():
 
 def test_blocks_of_the_run_tuned_on_decide_nothing():
     spoiled = made_up().tables["errors"].copy()
-    own = (spoiled["learned_from"] == "a") & (spoiled["asked_about"] == "a")
+    own = (spoiled["learned_from"] == "a") & (spoiled["test_run"] == "a")
     spoiled.loc[own, ["map_nmse", "latent_mm"]] = 99.0
     results = SkinRuns(made_up().tables | {"errors": spoiled}, ("a",))
     assert find_skin(results)["map_nmse"] == find_skin(made_up())["map_nmse"]

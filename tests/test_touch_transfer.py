@@ -7,14 +7,15 @@ import pytest
 from committed import committed_entry
 from tactile_toy import toy_dataset, toy_geodesics
 
+from dissertation.recorded.readers import clmc, slide
+from dissertation.recorded.transfer import learning as touch_transfer
+from dissertation.recorded.transfer.learning import TouchSet
 from structlearn.core.errors import InputError, MissingInputError
-from structlearn.readers import clmc, slide, synchronise
+from structlearn.readers import synchronise
 from structlearn.readers.demonstration import Demonstration
 from structlearn.tactile.electrodes import biotac
 from structlearn.tactile.touch_dataset import TEST, TRAIN
 from structlearn.tasks.touch import touch_names as names
-from structlearn.tasks.touch import touch_transfer
-from structlearn.tasks.touch.touch_transfer import TouchSet
 
 SKIN = biotac()
 FEW = committed_entry(
@@ -92,7 +93,7 @@ def test_every_trial_is_left_out_once_and_every_material_once():
 
 
 def test_all_is_asked_of_all_models(results):
-    counts = results["errors"].groupby(["learned_from", "asked_about", "new", "model"])["part"].nunique()
+    counts = results["errors"].groupby(["learned_from", "test_run", "new", "model"])["part"].nunique()
     for model in (names.STRUCTURED, names.PLAIN, names.COMPONENTS):
         for new, parts in ((names.NEW_TRIALS, 2), (names.NEW_MATERIAL, 2), (names.OWN_UNITS, 2)):
             assert counts[names.SLIDES, names.SLIDES, new, model] == parts

@@ -12,28 +12,20 @@ from structlearn.core.errors import InputError
 from structlearn.core.publication import publish
 from structlearn.palette import BLUE, COLOUR_NAMES, LIGHT_BLUE, OCHRE, WHITE
 from structlearn.primitives import sequence
-from structlearn.primitives.fitting import FitParameters, learn_primitive, segment_paths, whole
+from structlearn.primitives.fitting import FitParameters, learn_primitive, segment_paths, whole_run_cuts
 from structlearn.segmentation.parameters import SegmentParameters
 from structlearn.segmentation.segments import cut
 from structlearn.viewer.diagram import Diagram, tick_step
 from structlearn.viewer.learned_primitives import write_primitives
 from structlearn.viewer.recorded_demonstrations import write_demonstrations
-from structlearn.viewer.rrd import (
-    GROUND,
-    legend,
-    recording,
-    send_curve,
-    send_notes,
-    send_primitive_lane,
-    time_column,
-)
+from structlearn.viewer.rrd import GROUND, legend, recording
 
 THINNED = 2  # samples of 200 Hz per row in a recording
 
 
 def learned(demonstrations):
     """One primitive from whole demonstrations, and its unrolled path."""
-    segments = segment_paths(demonstrations, whole(demonstrations), 5.0)
+    segments = segment_paths(demonstrations, whole_run_cuts(demonstrations), 5.0)
     primitives = [learn_primitive("whole", segments, committed(FitParameters, "fit_primitives"))]
     return primitives, sequence.sequence_table(sequence.unroll(primitives, DT), ["whole"])
 
@@ -96,7 +88,7 @@ def test_a_full_disk_is_one_line_and_leaves_the_former_recordings(tmp_path):
                         for curve in range(curves):
                             noise = np.random.default_rng(curve).normal(size=10_000)
                             time = np.arange(10_000.0)
-                            send_curve(stream, f"curve/{curve}", time, noise, "curve", "#ffffff")
+                            stream.series(f"curve/{curve}", time, noise, "curve", "#ffffff")
         finally:
             resource.setrlimit(resource.RLIMIT_FSIZE, (soft, hard))
         found = {path.name: path.read_bytes() for path in folder.iterdir()}
@@ -118,9 +110,9 @@ def test_a_diagram_has_places_from_its_upper_left_corner_and_round_ticks():
 def test_notes_and_lanes(tmp_path):
     path = tmp_path / "lane.rrd"
     with recording(path, "Lane") as stream:
-        send_notes(stream, legend({"the one": LIGHT_BLUE}))
-        send_primitive_lane(stream, "lane", [time_column(np.arange(3.0))], ["down", "turn"])
-        stream.send_blueprint(rr.blueprint.Blueprint(rr.blueprint.TextDocumentView()))
+        stream.notes(legend({"the one": LIGHT_BLUE}))
+        stream.lane("lane", np.arange(3.0), ["down", "turn"])
+        stream.show(rr.blueprint.TextDocumentView())
     assert contents(path)[0] == {"/lane": 3}
     assert values(path, "/lane", "StateConfiguration:values") == [["down", "turn"]]
     shown = [f"#{colour >> 8:06x}" for colour in values(path, "/lane", "StateConfiguration:colors")[0]]

@@ -19,8 +19,6 @@ entry overrides `structlearn defaults`, for example
         topics: {pose: /gripper/pose}
         segment: {primitives: [reach, pour, retreat]}
         robot: {urdf: ~/arm.urdf, tip: tool0}
-
-In a clone of structlearn the same commands work on `stages/tasks/own.yaml`.
 """
 
 import argparse
@@ -40,33 +38,19 @@ from structlearn.core.errors import InputError
 from structlearn.core.params import home_path
 from structlearn.core.stage import run
 from structlearn.tasks import project
+from structlearn.tasks.kinds import KINDS
 from structlearn.tasks.task_files import NAME_RULE, TaskFiles, is_name
-
-KINDS = ("movement", "motion", "touch", "obstacles")
 
 HEADER = """\
 # Tasks of this project by kind of data. An entry overrides the defaults of the package, which
 # `structlearn defaults` prints. `structlearn run` runs all tasks, `structlearn run NAME` one.
 """
 
-PIPELINE_HEADER = """\
-# Made by `structlearn new`: the stages of the installed package over the tasks in structlearn.yaml.
-# One stage of one task: dvc repro segment@NAME
-"""
-
-IGNORED = """\
-/data/code
-/data/tasks
-/reports/tasks/*/rerun
-/reports/times.json
-.running-*
-__pycache__
-"""
-
 
 def main(words: list[str] | None = None) -> None:
     """Run one of the commands; on invalid input, print one line and exit with code 1."""
     given = _arguments(words)
+    sys.path.insert(0, "")  # modules that entries name may be in the project
     run(lambda: given.do(given), stage=False)
 
 
@@ -88,12 +72,9 @@ def new(given: argparse.Namespace) -> None:
     with publish(folder) as target:
         target.mkdir()
         text = "\n".join(["", f"{given.kind}:", *entry, ""])
-        (target / project.LAB).write_text(HEADER + text)
-        pipeline = yaml.safe_dump(project.lab_pipeline(), sort_keys=False, width=110)
-        (target / "dvc.yaml").write_text(PIPELINE_HEADER + pipeline)
-        (target / ".gitignore").write_text(IGNORED)
+        project.write_project(target, HEADER + text, project.packaged_pipeline())
     _begin(folder)
-    print(f"{folder}: look at {folder / project.LAB}, then: cd {folder} && structlearn run")
+    print(f"{folder}: look at {folder / project.ENTRIES}, then: cd {folder} && structlearn run")
 
 
 def _entry(given: argparse.Namespace, name: str, source: Path) -> list[str]:
@@ -127,9 +108,9 @@ def make(given: argparse.Namespace) -> None:
     """Bring all tasks up to date, or one: from recordings to a page."""
     from structlearn.tasks.task_entry import targets
 
-    stages = targets(project.entry_files()[-1].name, given.task or "")
+    stages = targets(given.task or "")
     if not stages:
-        raise InputError(f"{project.entry_files()[-1]}: has no task")
+        raise InputError(f"{project.ENTRIES}: has no task")
     _dvc(Path(), "repro", "--keep-going", *stages)
     names = dict.fromkeys(stage.rpartition("@")[2] for stage in stages)
     print(*(f"{TaskFiles(name).report}/index.html is up to date" for name in names), sep="\n")
@@ -140,7 +121,7 @@ def check(given: argparse.Namespace) -> None:
     from structlearn.tasks.movement import check_results
 
     _require_movement(given.task)
-    _dvc(Path(), "repro", "--quiet", f"{project.pipeline()}:check@{given.task}")
+    _dvc(Path(), "repro", "--quiet", f"check@{given.task}")
     if not check_results.main(TaskFiles(given.task)):
         sys.exit(1)
 
@@ -167,7 +148,7 @@ def view(given: argparse.Namespace) -> None:
 def export(given: argparse.Namespace) -> None:
     """Write the demonstrations of a task as a LeRobotDataset (v3.0)."""
     from structlearn.tasks.movement.lerobot_export import write_lerobot
-    from structlearn.tasks.movement.movement_parameters import MovementEntry
+    from structlearn.tasks.movement.parameters import MovementEntry
 
     files = TaskFiles(given.task)
     if not files.segments.exists():
@@ -187,12 +168,12 @@ def _require_movement(task: str) -> None:
     from structlearn.tasks.task_entry import read_task
 
     if (kind := read_task(task).kind) != "movement":
-        raise InputError(f"{project.entry_files()[-1]}: {kind}.{task}: is not a movement")
+        raise InputError(f"{project.ENTRIES}: {kind}.{task}: is not a movement")
 
 
 def defaults(given: argparse.Namespace) -> None:
     """Print the keys of an entry with units and defaults."""
-    print(project.defaults_file().read_text(encoding="utf-8"), end="")
+    print(project.DEFAULTS.read_text(encoding="utf-8"), end="")
 
 
 def inspect(given: argparse.Namespace) -> None:
@@ -218,6 +199,8 @@ def _dvc(folder: Path, *words: str) -> None:
         tempfile.TemporaryFile(dir=folder).close()
     except OSError as error:
         raise InputError(f"{folder.resolve()}: cannot be written: {error.strerror}") from error
+    if (folder / project.PIPELINE).exists():
+        project.update_code(folder)
     path = os.pathsep.join([str(Path(sys.executable).parent), os.environ.get("PATH", "")])
     done = subprocess.run(
         [_beside_python("dvc"), *words], cwd=folder, env=os.environ | {"PATH": path}, check=False

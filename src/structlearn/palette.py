@@ -62,7 +62,7 @@ PHASE_PATHS = {
 """Paths that corrected runs are compared with; tables hold the distances to them as `KEY_mm`."""
 
 # what moves the hand through a scene of obstacles, in table order
-SCENE_WAYS = {
+SCENE_MODELS = {
     "none": Look("baseline alone", BLACK),
     "human_inspired": Look("human-inspired (Rai et al.)", OCHRE),
     "published": Look("17 features, as published", ORANGE),

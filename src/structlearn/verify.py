@@ -17,7 +17,7 @@ from structlearn.core.artefacts import read_description, read_metrics, read_tabl
 from structlearn.core.errors import InputError
 from structlearn.core.params import read_values
 from structlearn.core.reading import digest as file_digest
-from structlearn.readers.bag import read_bag
+from structlearn.readers.raw_messages import read_bag
 
 SKILL = '{"reactive_skill"'  # start of a skill file's description
 

@@ -4,15 +4,15 @@ from functools import partial
 
 import pandas as pd
 
+from dissertation.dynamics.files import as_motion, read_logs, step_s
+from dissertation.dynamics.protocol.trainings import OnlineParameters, learn_once_through
+from dissertation.simulation.arm import ArmParameters
 from structlearn.core.artefacts import publish, write_table
 from structlearn.core.parallel import parallel_map
 from structlearn.core.stage import run, stage_parameters
 from structlearn.rigid_body.dynamics_training import LearningParameters
 from structlearn.rigid_body.model_names import IDEAL
 from structlearn.rigid_body.payload import learn_payload
-from structlearn.simulation.arm import ArmParameters
-from structlearn.testbeds.dynamics.files import as_motion, read_logs, step_s
-from structlearn.testbeds.dynamics.protocol.trainings import OnlineParameters, learn_once_through
 
 
 def main() -> None:

@@ -3,26 +3,26 @@
 from functools import partial
 from operator import call
 
+from dissertation.dynamics.world.arm_motion import ArmMotionParameters
+from dissertation.dynamics.world.joint_logs import (
+    PerturbedRobotParameters,
+    RecordMotionParameters,
+    ideal_log,
+    perturbed_robot_log,
+)
+from dissertation.simulation.arm import ArmParameters
 from structlearn.core.artefacts import publish
 from structlearn.core.parallel import parallel_map
 from structlearn.core.params import Population
 from structlearn.core.stage import run, stage_parameters
 from structlearn.readers.bag_recording import write_joint_log
 from structlearn.rigid_body.model_names import IDEAL, ROBOT
-from structlearn.simulation.arm import ArmParameters
-from structlearn.testbeds.dynamics.world.arm_motion import ArmMotionParameters
-from structlearn.testbeds.dynamics.world.joint_logs import (
-    PerturbedRobotParameters,
-    RecordMotionParameters,
-    ideal_log,
-    perturbed_robot_log,
-)
 
 
 def main() -> None:
     parameters = stage_parameters("record_motion", RecordMotionParameters)
     motion = stage_parameters("arm_motion", ArmMotionParameters).used
-    perturbed = stage_parameters("stand_in", PerturbedRobotParameters)
+    perturbed = stage_parameters("perturbed_robot", PerturbedRobotParameters)
     arm = stage_parameters("arm", ArmParameters)
     robot = arm.read()
     # the first log is made in this process, which compiles the arm once instead of once per worker

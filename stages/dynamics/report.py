@@ -2,45 +2,46 @@
 
 import pandas as pd
 
-from structlearn.core.params import Population
-from structlearn.core.stage import run, stage_parameters
-from structlearn.reporting.claims import quoted_claims
-from structlearn.reporting.publishing import publish_report
-from structlearn.reporting.studies import extended, read_study
-from structlearn.rigid_body.model_names import COULOMB, ROBOT
-from structlearn.rigid_body.newton_euler import agreement_with_pinocchio
-from structlearn.rigid_body.tree import read_urdf
-from structlearn.simulation.arm import ArmParameters, urdf_path
-from structlearn.testbeds.dynamics import files
-from structlearn.testbeds.dynamics.page.figures import arm_still, drawings
-from structlearn.testbeds.dynamics.page.findings import (
+from dissertation.dynamics import files
+from dissertation.dynamics.page.figures import arm_still, drawings
+from dissertation.dynamics.page.findings import (
     ROBOTS_STUDY,
     STUDIED,
     DynamicsResults,
+    agreement_with_pinocchio,
     findings,
     friction_table,
     known_errors,
     residual_torques,
 )
-from structlearn.testbeds.dynamics.page.page import dynamics_page
-from structlearn.testbeds.dynamics.protocol.tracking import TrackingParameters
-from structlearn.testbeds.dynamics.protocol.trainings import (
+from dissertation.dynamics.page.page import dynamics_page
+from dissertation.dynamics.protocol.tracking import TrackingParameters
+from dissertation.dynamics.protocol.trainings import (
     PUBLISHED,
     DynamicsTrainingParameters,
     OnlineParameters,
 )
-from structlearn.testbeds.dynamics.world.arm_motion import ArmMotionParameters
-from structlearn.testbeds.dynamics.world.joint_logs import (
+from dissertation.dynamics.world.arm_motion import ArmMotionParameters
+from dissertation.dynamics.world.joint_logs import (
     PerturbedRobotParameters,
     RecordMotionParameters,
     perturbed_mechanics,
 )
+from dissertation.evidence.claims import quoted_claims
+from dissertation.evidence.judged_page import publish_judged
+from dissertation.evidence.studies import extended, read_study
+from dissertation.simulation.arm import ArmParameters
+from structlearn.core.params import Population
+from structlearn.core.stage import run, stage_parameters
+from structlearn.rigid_body.model_names import COULOMB, ROBOT
+from structlearn.rigid_body.robot import read_urdf
+from structlearn.rigid_body.urdf import urdf_path
 
 PARAMETERS = {
     "arm": ArmParameters,
     "dynamics_robots": Population,
     "arm_motion": ArmMotionParameters,
-    "stand_in": PerturbedRobotParameters,
+    "perturbed_robot": PerturbedRobotParameters,
     "record_motion": RecordMotionParameters,
     "train_dynamics": DynamicsTrainingParameters,
     "track": TrackingParameters,
@@ -62,7 +63,7 @@ def main() -> None:
     known, friction, residuals = [], [], []
     for name, log in files.read_logs(ROBOT).items():
         seed, motion = int(name), files.as_motion(log, chosen["train_dynamics"].smoothing_hz)
-        true = perturbed_mechanics(robot.tree, robot.inertias, chosen["stand_in"], seed)
+        true = perturbed_mechanics(robot.tree, robot.inertias, chosen["perturbed_robot"], seed)
         learned = files.read_robot_models(seed, FRICTION_MODELS, PUBLISHED)
         known.append(known_errors(robot, true, motion).assign(seed=seed))
         friction.append(friction_table(learned, true).assign(seed=seed))
@@ -87,7 +88,7 @@ def main() -> None:
     find = findings(results)
     page = dynamics_page(results, find)
     drawn = {"still": still, **drawings(results)}
-    publish_report("reports/dynamics", {"index": page}, drawn, page.tables, find, recorded=quoted_claims())
+    publish_judged("reports/dynamics", {"index": page}, drawn, page.tables, find, recorded=quoted_claims())
 
 
 if __name__ == "__main__":

@@ -5,16 +5,16 @@ from functools import cache
 
 import pandas as pd
 
+from dissertation.dynamics.protocol.tracking import Testbed, TrackingParameters, known, learned, track
+from dissertation.dynamics.world.arm_motion import ArmMotionParameters
+from dissertation.dynamics.world.controlled_arm import SimulatedArm
+from dissertation.dynamics.world.joint_logs import PerturbedRobotParameters, perturbed_mechanics
+from dissertation.simulation.arm import ArmParameters, Mechanics, ideal
 from structlearn.core.artefacts import publish, read_table, write_table
 from structlearn.core.params import Population
 from structlearn.core.stage import run, stage_parameters
 from structlearn.rigid_body.dynamics_models import DynamicsModels, read_dynamics_models
 from structlearn.rigid_body.model_names import IDEAL, ROBOT
-from structlearn.simulation.arm import ArmParameters, Mechanics, ideal
-from structlearn.testbeds.dynamics.protocol.tracking import Testbed, TrackingParameters, known, learned, track
-from structlearn.testbeds.dynamics.world.arm_motion import ArmMotionParameters
-from structlearn.testbeds.dynamics.world.controlled_arm import SimulatedArm
-from structlearn.testbeds.dynamics.world.joint_logs import PerturbedRobotParameters, perturbed_mechanics
 
 MODELS = "data/dynamics/models"
 
@@ -33,7 +33,7 @@ def main() -> None:
 
     seeds = [int(seed) for seed in outcomes[outcomes["arm"] == IDEAL]["seed"].unique()]
     beds = [(testbed(IDEAL, seeds, seeds[0], ideal(robot.inertias)), IDEAL, parameters.models)]
-    perturbed = stage_parameters("stand_in", PerturbedRobotParameters)
+    perturbed = stage_parameters("perturbed_robot", PerturbedRobotParameters)
     for seed in robots:
         mechanics = perturbed_mechanics(robot.tree, robot.inertias, perturbed, seed)
         bed = testbed(ROBOT, [seed], robots[0], mechanics)

@@ -2,19 +2,19 @@
 
 import pandas as pd
 
-from structlearn.core.artefacts import publish, write_metrics, write_table
-from structlearn.core.stage import run, stage_parameters
-from structlearn.rigid_body.base_parameters import base_parameters, base_table, link_table
-from structlearn.rigid_body.dynamics_models import write_dynamics_models
-from structlearn.rigid_body.model_names import IDEAL, ROBOT
-from structlearn.simulation.arm import ArmParameters
-from structlearn.testbeds.dynamics.files import as_motion, read_logs
-from structlearn.testbeds.dynamics.protocol.trainings import (
+from dissertation.dynamics.files import as_motion, read_logs
+from dissertation.dynamics.protocol.trainings import (
     DynamicsTrainingParameters,
     scores,
     train,
     trainings,
 )
+from dissertation.simulation.arm import ArmParameters
+from structlearn.core.artefacts import publish, write_metrics, write_table
+from structlearn.core.stage import run, stage_parameters
+from structlearn.rigid_body.base_parameters import base_parameters, base_table, link_table
+from structlearn.rigid_body.dynamics_models import write_dynamics_models
+from structlearn.rigid_body.model_names import IDEAL, ROBOT
 
 
 def main() -> None:

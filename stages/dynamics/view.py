@@ -1,19 +1,20 @@
 """Rerun views: reaches with each model, joint torques of a perturbed robot, a payload picked up (III.4)."""
 
-from structlearn.core.artefacts import publish
-from structlearn.core.stage import run, stage_parameters
-from structlearn.simulation.arm import ArmParameters, urdf_path
-from structlearn.testbeds.dynamics import files
-from structlearn.testbeds.dynamics.names import IDEAL, ROBOT, SHOWN_TRAINING
-from structlearn.testbeds.dynamics.protocol.tracking import TrackingParameters, tracked_reaches
-from structlearn.testbeds.dynamics.protocol.trainings import DynamicsTrainingParameters
-from structlearn.testbeds.dynamics.views import (
+from dissertation.dynamics import files
+from dissertation.dynamics.names import IDEAL, ROBOT, SHOWN_TRAINING
+from dissertation.dynamics.protocol.tracking import TrackingParameters, tracked_reaches
+from dissertation.dynamics.protocol.trainings import DynamicsTrainingParameters
+from dissertation.dynamics.recordings import (
     DynamicsViewParameters,
     write_payload,
     write_reaches,
     write_torques,
 )
-from structlearn.testbeds.dynamics.world.joint_logs import RecordMotionParameters
+from dissertation.dynamics.world.joint_logs import RecordMotionParameters
+from dissertation.simulation.arm import ArmParameters
+from structlearn.core.artefacts import publish
+from structlearn.core.stage import run, stage_parameters
+from structlearn.rigid_body.urdf import urdf_path
 
 
 def main() -> None:

@@ -4,15 +4,15 @@ from functools import partial
 
 import pandas as pd
 
+from dissertation.obstacles.files import RUNS, write_baselines
+from dissertation.obstacles.protocol.avoidance_scores import person_data
+from dissertation.obstacles.world.reaching_person import AvoiderParameters
+from dissertation.obstacles.world.scenarios import SceneParameters
 from structlearn.avoidance.avoidance_dataset import AvoidanceDataParameters
 from structlearn.core.artefacts import publish, write_table
 from structlearn.core.parallel import parallel_map
 from structlearn.core.params import Population
 from structlearn.core.stage import run, stage_parameters
-from structlearn.testbeds.obstacles.files import RUNS, write_baselines
-from structlearn.testbeds.obstacles.protocol.avoidance_scores import person_data
-from structlearn.testbeds.obstacles.world.reaching_person import AvoiderParameters
-from structlearn.testbeds.obstacles.world.scenarios import SceneParameters
 
 
 def main() -> None:

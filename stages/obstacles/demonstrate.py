@@ -2,13 +2,13 @@
 
 from functools import partial
 
+from dissertation.obstacles.files import BASELINE, RUNS
+from dissertation.obstacles.world.reaching_person import AvoiderParameters, captured
+from dissertation.obstacles.world.scenarios import SceneParameters, scenarios
 from structlearn.core.artefacts import publish
 from structlearn.core.parallel import parallel_map
 from structlearn.core.stage import run, stage_parameters
 from structlearn.readers.demonstration import write_runs
-from structlearn.testbeds.obstacles.files import BASELINE, RUNS
-from structlearn.testbeds.obstacles.world.reaching_person import AvoiderParameters, captured
-from structlearn.testbeds.obstacles.world.scenarios import SceneParameters, scenarios
 
 
 def main() -> None:

@@ -4,15 +4,15 @@ from functools import partial
 
 import pandas as pd
 
+from dissertation.obstacles.files import read_baselines
+from dissertation.obstacles.protocol import avoidance_protocols
+from dissertation.obstacles.world.scenarios import SceneParameters, own_scenarios, scenarios
 from structlearn.avoidance.avoidance_dataset import AvoidanceDataParameters
 from structlearn.avoidance.learned_models import read_models
 from structlearn.core.artefacts import publish, write_table
 from structlearn.core.parallel import parallel_map
 from structlearn.core.params import Population
 from structlearn.core.stage import run, stage_parameters
-from structlearn.testbeds.obstacles.files import read_baselines
-from structlearn.testbeds.obstacles.protocol import avoidance_protocols
-from structlearn.testbeds.obstacles.world.scenarios import SceneParameters, own_scenarios, scenarios
 
 
 def main() -> None:

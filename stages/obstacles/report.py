@@ -1,27 +1,27 @@
 """Report of the obstacle testbed: figures, tables, findings and their page."""
 
-from structlearn.avoidance.avoidance_dataset import AvoidanceDataParameters
-from structlearn.core.artefacts import read_table
-from structlearn.core.params import Population
-from structlearn.core.stage import run, stage_parameters
-from structlearn.readers.demonstration import read_runs
-from structlearn.reporting.claims import quoted_claims
-from structlearn.reporting.publishing import publish_report
-from structlearn.reporting.studies import read_study
-from structlearn.testbeds.obstacles import files
-from structlearn.testbeds.obstacles.page.figures import figures
-from structlearn.testbeds.obstacles.page.findings import (
+from dissertation.evidence.claims import quoted_claims
+from dissertation.evidence.judged_page import publish_judged
+from dissertation.evidence.studies import read_study
+from dissertation.obstacles import files
+from dissertation.obstacles.page.figures import figures
+from dissertation.obstacles.page.findings import (
     PEOPLE_STUDY,
     ObstacleResults,
     example_setting,
     findings,
     read_published,
 )
-from structlearn.testbeds.obstacles.page.page import document
-from structlearn.testbeds.obstacles.protocol.avoidance_fits import AvoidanceTrainingParameters
-from structlearn.testbeds.obstacles.protocol.avoidance_protocols import AvoidanceEvaluationParameters
-from structlearn.testbeds.obstacles.world.reaching_person import AvoiderParameters
-from structlearn.testbeds.obstacles.world.scenarios import SceneParameters, scenarios
+from dissertation.obstacles.page.page import document
+from dissertation.obstacles.protocol.avoidance_fits import AvoidanceTrainingParameters
+from dissertation.obstacles.protocol.avoidance_protocols import AvoidanceEvaluationParameters
+from dissertation.obstacles.world.reaching_person import AvoiderParameters
+from dissertation.obstacles.world.scenarios import SceneParameters, scenarios
+from structlearn.avoidance.avoidance_dataset import AvoidanceDataParameters
+from structlearn.core.artefacts import read_table
+from structlearn.core.params import Population
+from structlearn.core.stage import run, stage_parameters
+from structlearn.readers.demonstration import read_runs
 
 PARAMETERS = {
     "obstacle_scene": SceneParameters,
@@ -54,7 +54,7 @@ def main() -> None:
     published = read_published()
     find = findings(results, published)
     page, drawings = document(results, find), figures(results, published["largest_nmse"])
-    publish_report(files.REPORT, {"index": page}, drawings, page.tables, find, recorded=quoted_claims())
+    publish_judged(files.REPORT, {"index": page}, drawings, page.tables, find, recorded=quoted_claims())
 
 
 if __name__ == "__main__":

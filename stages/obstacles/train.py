@@ -1,12 +1,12 @@
 """Train every person's avoidance models per setting, per shape and for all shapes (IV.8.5, IV.8.6)."""
 
+from dissertation.obstacles.protocol.avoidance_fits import AvoidanceTrainingParameters, learn
+from dissertation.obstacles.world.scenarios import SceneParameters, scenarios
 from structlearn.avoidance.avoidance_dataset import from_table
 from structlearn.avoidance.learned_models import write_models
 from structlearn.core.artefacts import publish, read_table, write_table
 from structlearn.core.params import Population
 from structlearn.core.stage import run, stage_parameters
-from structlearn.testbeds.obstacles.protocol.avoidance_fits import AvoidanceTrainingParameters, learn
-from structlearn.testbeds.obstacles.world.scenarios import SceneParameters, scenarios
 
 
 def main() -> None:

@@ -1,23 +1,23 @@
 """Rerun views: demonstrations past obstacles, reaches with learned models, unseen obstacles (IV.8)."""
 
-from structlearn.avoidance.avoidance_dataset import AvoidanceDataParameters
-from structlearn.core.artefacts import publish, read_table
-from structlearn.core.params import Population
-from structlearn.core.stage import run, stage_parameters
-from structlearn.readers.demonstration import Demonstration, read_runs
-from structlearn.testbeds.obstacles import files
-from structlearn.testbeds.obstacles.protocol import avoidance_protocols, unrolled_reaches
-from structlearn.testbeds.obstacles.views.demonstrated_avoidance import (
+from dissertation.obstacles import files
+from dissertation.obstacles.protocol import avoidance_protocols, unrolled_reaches
+from dissertation.obstacles.recordings.demonstrated_avoidance import (
     ObstacleViewParameters,
     shown_scenarios,
     write_avoidance_demonstrations,
     write_trained_avoidance,
 )
-from structlearn.testbeds.obstacles.views.unseen_avoidance import (
+from dissertation.obstacles.recordings.unseen_avoidance import (
     write_changing_avoidance,
     write_unseen_avoidance,
 )
-from structlearn.testbeds.obstacles.world.scenarios import Scenario, SceneParameters, scenarios
+from dissertation.obstacles.world.scenarios import Scenario, SceneParameters, scenarios
+from structlearn.avoidance.avoidance_dataset import AvoidanceDataParameters
+from structlearn.core.artefacts import publish, read_table
+from structlearn.core.params import Population
+from structlearn.core.stage import run, stage_parameters
+from structlearn.readers.demonstration import Demonstration, read_runs
 
 
 def main() -> None:

@@ -2,12 +2,12 @@
 
 import pandas as pd
 
+from dissertation.scraping.files import read_datasets
+from dissertation.scraping.protocol.feedback_models import compare_representations, paired_orderings
 from structlearn.core.artefacts import publish, write_table
 from structlearn.core.stage import run, stage_parameters
-from structlearn.feedback.coupling_model import TrainingParameters
 from structlearn.feedback.coupling_targets import SupervisionParameters
-from structlearn.feedback.feedback_models import compare_representations, paired_orderings
-from structlearn.testbeds.scraping.files import read_datasets
+from structlearn.feedback.trainers import TrainingParameters
 
 
 def main() -> None:

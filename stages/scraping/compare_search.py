@@ -5,20 +5,20 @@ from dataclasses import replace
 
 import pandas as pd
 
+from dissertation.scraping.protocol.board_refinement import (
+    Board,
+    BoardRefinementParameters,
+    read_board,
+)
+from dissertation.scraping.protocol.execution_scores import AFTER, BEFORE
+from dissertation.scraping.protocol.sample_efficiency import ComparisonParameters, compare
+from dissertation.scraping.world.testbed import TestbedParameters
 from structlearn.core.artefacts import publish, write_table
 from structlearn.core.stage import run, stage_parameters
 from structlearn.feedback.coupling_model import CouplingModel, read_networks
 from structlearn.feedback.coupling_targets import SupervisionParameters
 from structlearn.policy_search import refinement
-from structlearn.policy_search.sample_efficiency import ComparisonParameters, compare
-from structlearn.readers.source import ClockParameters
-from structlearn.testbeds.scraping.protocol.board_refinement import (
-    Board,
-    BoardRefinementParameters,
-    read_board,
-)
-from structlearn.testbeds.scraping.protocol.execution_scores import AFTER, BEFORE
-from structlearn.testbeds.scraping.world.testbed import TestbedParameters
+from structlearn.readers.source_parameters import ClockParameters
 
 DATA = "data/feedback/scraping"
 

@@ -1,5 +1,6 @@
 """Supervised data for feedback: sensor deviations and coupling terms of corrections (IV.6.2, IV.9.1.3)."""
 
+from dissertation.scraping.files import ScrapingFiles, read_expected, read_settings
 from structlearn.core.artefacts import publish, write_table
 from structlearn.core.stage import run, stage_parameters
 from structlearn.feedback.coupling_dataset import to_table
@@ -11,7 +12,6 @@ from structlearn.feedback.coupling_targets import (
 )
 from structlearn.primitives.primitive_files import read_primitives
 from structlearn.segmentation.segments import commanded_cuts
-from structlearn.testbeds.scraping.files import ScrapingFiles, read_expected, read_settings
 
 FILES = ScrapingFiles()
 

@@ -1,18 +1,18 @@
 """Execute the primitives in every setting, without and with each feedback model (IV.9.3.5)."""
 
+from dissertation.scraping.protocol.execution_scores import (
+    NOMINAL,
+    ExecutionParameters,
+)
+from dissertation.scraping.protocol.executions import evaluate, read_bench
+from dissertation.scraping.protocol.feedback_models import MODELS
+from dissertation.scraping.world.testbed import TestbedParameters
 from structlearn.core.artefacts import publish, write_table
 from structlearn.core.stage import run, stage_parameters
 from structlearn.feedback.corrected_paths import path_errors
 from structlearn.feedback.coupling_model import read_networks
 from structlearn.feedback.coupling_targets import SupervisionParameters
-from structlearn.feedback.feedback_models import MODELS
-from structlearn.readers.source import ClockParameters
-from structlearn.testbeds.scraping.protocol.execution_scores import (
-    NOMINAL,
-    ExecutionParameters,
-)
-from structlearn.testbeds.scraping.protocol.executions import evaluate, read_bench
-from structlearn.testbeds.scraping.world.testbed import TestbedParameters
+from structlearn.readers.source_parameters import ClockParameters
 
 DATA = "data/feedback/scraping"
 

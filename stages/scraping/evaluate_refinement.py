@@ -1,19 +1,19 @@
 """Execute the primitives without feedback, and with it before and after refinement (IV.9.4.2)."""
 
-from structlearn.core.artefacts import publish, write_table
-from structlearn.core.stage import run, stage_parameters
-from structlearn.feedback.coupling_model import read_networks
-from structlearn.feedback.coupling_targets import SupervisionParameters
-from structlearn.readers.source import ClockParameters
-from structlearn.testbeds.scraping.protocol.board_refinement import BoardRefinementParameters, read_board
-from structlearn.testbeds.scraping.protocol.execution_scores import (
+from dissertation.scraping.protocol.board_refinement import BoardRefinementParameters, read_board
+from dissertation.scraping.protocol.execution_scores import (
     AFTER,
     BEFORE,
     NOMINAL,
     ExecutionParameters,
 )
-from structlearn.testbeds.scraping.protocol.executions import evaluate
-from structlearn.testbeds.scraping.world.testbed import TestbedParameters
+from dissertation.scraping.protocol.executions import evaluate
+from dissertation.scraping.world.testbed import TestbedParameters
+from structlearn.core.artefacts import publish, write_table
+from structlearn.core.stage import run, stage_parameters
+from structlearn.feedback.coupling_model import read_networks
+from structlearn.feedback.coupling_targets import SupervisionParameters
+from structlearn.readers.source_parameters import ClockParameters
 
 DATA = "data/feedback/scraping"
 

@@ -1,5 +1,7 @@
 """Execute the nominal primitives on the level board and learn expected sensor traces (IV.9.1.3, ii)."""
 
+from dissertation.scraping.protocol.executions import executions, nominal_runs
+from dissertation.scraping.world.testbed import TestbedParameters
 from structlearn.core.artefacts import publish
 from structlearn.core.stage import run, stage_parameters
 from structlearn.feedback.coupling_targets import (
@@ -11,10 +13,8 @@ from structlearn.feedback.skill import ReactiveSkill
 from structlearn.primitives.primitive_files import read_primitives, write_vector_primitive
 from structlearn.readers import synchronise, write_recordings
 from structlearn.readers.demonstration import write_runs
-from structlearn.readers.source import ClockParameters
+from structlearn.readers.source_parameters import ClockParameters
 from structlearn.segmentation.segments import commanded_cuts
-from structlearn.testbeds.scraping.protocol.executions import executions, nominal_runs
-from structlearn.testbeds.scraping.world.testbed import TestbedParameters
 
 
 def main() -> None:
@@ -27,7 +27,7 @@ def main() -> None:
     runs, skill = nominal_runs(parameters.runs + parameters.level_runs), ReactiveSkill(primitives)
     executed = executions(skill, runs, testbed)
     with publish("data/raw/scraping/unrolls") as folder:
-        # on the sensors' own clocks, as stages/tasks/calibrate.py needs
+        # on the sensors' own clocks, as stages/recorded/calibrate.py needs
         write_recordings(executed[: parameters.runs], folder)
     level = [synchronise(one, **clock.model_dump()) for one in executed]
     unrolls = level[: parameters.runs]

@@ -1,13 +1,13 @@
 """Animation of the front page: one run on the tilted board without and with feedback (IV.9.3.5)."""
 
+from dissertation.scraping.files import CLOSED_LOOP, ScrapingFiles
+from dissertation.scraping.names import RUNS
+from dissertation.scraping.protocol.execution_scores import NOMINAL, ExecutionParameters
+from dissertation.scraping.protocol.feedback_models import POINTWISE
+from dissertation.scraping.world.scene_still import write_loop
 from structlearn.core.artefacts import publish
 from structlearn.core.stage import run, stage_parameters
-from structlearn.feedback.feedback_models import POINTWISE
 from structlearn.palette import Look
-from structlearn.testbeds.scraping.files import CLOSED_LOOP, ScrapingFiles
-from structlearn.testbeds.scraping.names import RUNS
-from structlearn.testbeds.scraping.protocol.execution_scores import NOMINAL, ExecutionParameters
-from structlearn.testbeds.scraping.world.scene_still import write_loop
 
 
 def main() -> None:

@@ -1,13 +1,13 @@
 """Record corrected demonstrations on the tilted board, one set per setting (IV.9.1.3, iii)."""
 
+from dissertation.scraping.protocol.execution_scores import ExecutionParameters
+from dissertation.scraping.protocol.executions import corrected_runs, executions
+from dissertation.scraping.world.testbed import TestbedParameters
 from structlearn.core.artefacts import publish
 from structlearn.core.stage import run, stage_parameters
 from structlearn.feedback.skill import ReactiveSkill
 from structlearn.primitives.primitive_files import read_primitives
 from structlearn.readers import write_recordings
-from structlearn.testbeds.scraping.protocol.execution_scores import ExecutionParameters
-from structlearn.testbeds.scraping.protocol.executions import corrected_runs, executions
-from structlearn.testbeds.scraping.world.testbed import TestbedParameters
 
 
 def main() -> None:

@@ -1,10 +1,10 @@
 """Record the nominal demonstrations (IV.9.1.3, step i)."""
 
+from dissertation.scraping.world.demonstrator import DemonstratorParameters
+from dissertation.scraping.world.testbed import TestbedParameters, guided_demonstrations
 from structlearn.core.artefacts import publish
 from structlearn.core.stage import run, stage_parameters
 from structlearn.readers import write_recordings
-from structlearn.testbeds.scraping.world.demonstrator import DemonstratorParameters
-from structlearn.testbeds.scraping.world.testbed import TestbedParameters, guided_demonstrations
 
 
 def main() -> None:

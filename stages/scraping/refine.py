@@ -1,17 +1,17 @@
 """Refine the feedback models by reinforcement learning on an unseen tilt of the board (IV.7, IV.9.4)."""
 
+from dissertation.scraping.protocol.board_refinement import (
+    BoardRefinementParameters,
+    read_board,
+    refine_on_board,
+)
+from dissertation.scraping.world.testbed import TestbedParameters
 from structlearn.core.artefacts import publish, write_table
 from structlearn.core.stage import run, stage_parameters
 from structlearn.feedback.coupling_model import write_networks
 from structlearn.feedback.coupling_targets import SupervisionParameters
 from structlearn.policy_search.refinement import Progress
-from structlearn.readers.source import ClockParameters
-from structlearn.testbeds.scraping.protocol.board_refinement import (
-    BoardRefinementParameters,
-    read_board,
-    refine_on_board,
-)
-from structlearn.testbeds.scraping.world.testbed import TestbedParameters
+from structlearn.readers.source_parameters import ClockParameters
 
 
 def main() -> None:

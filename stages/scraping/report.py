@@ -1,27 +1,27 @@
 """Report of the scraping testbed: three pages with figures, tables and findings."""
 
+from dissertation.evidence.claims import quoted_claims
+from dissertation.evidence.judged_page import publish_judged
+from dissertation.scraping.files import ScrapingFiles
+from dissertation.scraping.page.findings import findings
+from dissertation.scraping.page.page import drawings, pages, published
+from dissertation.scraping.page.stored import read_stored
+from dissertation.scraping.page.tables import derived, tables
+from dissertation.scraping.protocol.board_refinement import BoardRefinementParameters
+from dissertation.scraping.protocol.cut_sweep import SweepParameters
+from dissertation.scraping.protocol.execution_scores import ExecutionParameters
+from dissertation.scraping.protocol.feedback_models import FinalModelParameters
+from dissertation.scraping.protocol.sample_efficiency import ComparisonParameters
+from dissertation.scraping.world.demonstrator import DemonstratorParameters
+from dissertation.scraping.world.testbed import TestbedParameters
 from structlearn.core.params import Population
 from structlearn.core.stage import run, stage_parameters
-from structlearn.feedback.coupling_model import TrainingParameters
 from structlearn.feedback.coupling_targets import ExpectedTracesParameters, SupervisionParameters
-from structlearn.feedback.feedback_models import FeedbackParameters
-from structlearn.policy_search.sample_efficiency import ComparisonParameters
+from structlearn.feedback.trainers import TrainingParameters
 from structlearn.primitives.fitting import FitParameters
 from structlearn.primitives.sequence import GeneraliseParameters
-from structlearn.readers.source import ClockParameters
-from structlearn.reporting.claims import quoted_claims
-from structlearn.reporting.publishing import publish_report
+from structlearn.readers.source_parameters import ClockParameters
 from structlearn.segmentation.parameters import SegmentParameters
-from structlearn.testbeds.scraping.files import ScrapingFiles
-from structlearn.testbeds.scraping.page.findings import findings
-from structlearn.testbeds.scraping.page.page import drawings, pages, published
-from structlearn.testbeds.scraping.page.stored import read_stored
-from structlearn.testbeds.scraping.page.tables import derived, tables
-from structlearn.testbeds.scraping.protocol.board_refinement import BoardRefinementParameters
-from structlearn.testbeds.scraping.protocol.cut_sweep import SweepParameters
-from structlearn.testbeds.scraping.protocol.execution_scores import ExecutionParameters
-from structlearn.testbeds.scraping.world.demonstrator import DemonstratorParameters
-from structlearn.testbeds.scraping.world.testbed import TestbedParameters
 
 PARAMETERS = {
     "index": {
@@ -38,7 +38,7 @@ PARAMETERS = {
         "expected_traces": ExpectedTracesParameters,
         "record_corrections": ExecutionParameters,
         "coupling_dataset": SupervisionParameters,
-        "train_feedback": FeedbackParameters,
+        "train_feedback": FinalModelParameters,
         "compare_models": TrainingParameters,
         "evaluate_feedback": ExecutionParameters,
     },
@@ -59,7 +59,7 @@ def main() -> None:
     find, shown = findings(stored, frames), tables(frames)
     documents = pages(stored, frames, find, shown, printed, PARAMETERS)
     drawn = drawings(stored, frames)
-    publish_report("reports/scraping", documents, drawn, shown, find, recorded=quoted_claims())
+    publish_judged("reports/scraping", documents, drawn, shown, find, recorded=quoted_claims())
 
 
 if __name__ == "__main__":

@@ -1,10 +1,10 @@
 """Time the runtime controller and a simulated run on this machine; no other stage uses the result."""
 
+from dissertation.scraping.protocol.executions import TimingParameters, controller_latency, run_cost
+from dissertation.scraping.world.testbed import TestbedParameters
 from structlearn.core.artefacts import write_metrics
 from structlearn.core.stage import run, stage_parameters
 from structlearn.feedback.skill_file import read_skill
-from structlearn.testbeds.scraping.protocol.executions import TimingParameters, controller_latency, run_cost
-from structlearn.testbeds.scraping.world.testbed import TestbedParameters
 
 
 def main() -> None:

@@ -1,15 +1,15 @@
 """Train feedback models: as published, with the level board, and within the unroll (IV.6.2.4, V.2)."""
 
+from dissertation.scraping.files import read_datasets
+from dissertation.scraping.protocol.feedback_models import FinalModelParameters, train_models
 from structlearn.core.artefacts import publish
 from structlearn.core.stage import run, stage_parameters
 from structlearn.feedback.coupling_model import write_networks
 from structlearn.feedback.coupling_targets import SupervisionParameters
-from structlearn.feedback.feedback_models import FeedbackParameters, train_models
-from structlearn.testbeds.scraping.files import read_datasets
 
 
 def main() -> None:
-    parameters = stage_parameters("train_feedback", FeedbackParameters)
+    parameters = stage_parameters("train_feedback", FinalModelParameters)
     settings = stage_parameters("coupling_dataset", SupervisionParameters).settings_deg
     datasets = read_datasets("data/feedback/scraping/dataset", settings)
     level = read_datasets("data/feedback/scraping/level")

@@ -1,22 +1,22 @@
 """Rerun views: demonstrations, alignment, primitives (IV.5), executions and refinement (IV.9)."""
 
-from structlearn.core.artefacts import publish
-from structlearn.core.stage import run, stage_parameters
-from structlearn.primitives.primitive_files import read_primitives
-from structlearn.segmentation.parameters import SegmentParameters
-from structlearn.segmentation.segments import read_segmentation
-from structlearn.testbeds.scraping.files import ScrapingFiles
-from structlearn.testbeds.scraping.views.executions_recording import (
+from dissertation.scraping.files import ScrapingFiles
+from dissertation.scraping.recordings.executions_recording import (
     read_feedback_runs,
     read_refined_runs,
     write_executions,
     write_robot,
 )
-from structlearn.testbeds.scraping.views.nominal_recordings import (
+from dissertation.scraping.recordings.nominal_recordings import (
     write_alignment,
     write_demonstrations,
     write_primitives,
 )
+from structlearn.core.artefacts import publish
+from structlearn.core.stage import run, stage_parameters
+from structlearn.primitives.primitive_files import read_primitives
+from structlearn.segmentation.parameters import SegmentParameters
+from structlearn.segmentation.segments import read_segmentation
 
 
 def main() -> None:

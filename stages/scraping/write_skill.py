@@ -2,18 +2,18 @@
 
 from pathlib import Path
 
+from dissertation.scraping.files import read_datasets, read_expected
+from dissertation.scraping.protocol.feedback_models import POINTWISE, FinalModelParameters
 from structlearn.core.stage import run, stage_parameters
 from structlearn.feedback.coupling_model import read_networks
 from structlearn.feedback.coupling_targets import SupervisionParameters, sensor_channels
-from structlearn.feedback.feedback_models import POINTWISE, FeedbackParameters
 from structlearn.feedback.skill import ReactiveSkill, demonstrated_limits, demonstrated_workspace, on_axis
 from structlearn.feedback.skill_file import SkillParameters, provenance, write_skill
 from structlearn.primitives.fitting import FitParameters
 from structlearn.primitives.primitive_files import read_primitives
 from structlearn.readers.demonstration import read_runs
-from structlearn.readers.source import ClockParameters
+from structlearn.readers.source_parameters import ClockParameters
 from structlearn.segmentation.parameters import SegmentParameters
-from structlearn.testbeds.scraping.files import read_datasets, read_expected
 
 RAW, DATA = Path("data/raw/scraping"), "data/feedback/scraping"
 
@@ -22,7 +22,7 @@ MODELS = {
     "segment": SegmentParameters,
     "fit_primitives": FitParameters,
     "coupling_dataset": SupervisionParameters,
-    "train_feedback": FeedbackParameters,
+    "train_feedback": FinalModelParameters,
     "write_skill": SkillParameters,
 }
 

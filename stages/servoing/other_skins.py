@@ -4,17 +4,17 @@ from functools import partial
 
 import pandas as pd
 
+from dissertation.servoing.protocol.servo_trials import learn_other_skin
+from dissertation.servoing.protocol.servo_variants import OtherSkinsParameters
+from dissertation.simulation.fingers import TouchParameters
+from dissertation.simulation.touch import TouchFingerParameters
+from dissertation.simulation.touch_demonstrator import ToucherParameters
 from structlearn.core.artefacts import publish, write_table
 from structlearn.core.parallel import parallel_map
 from structlearn.core.stage import run, stage_parameters
-from structlearn.simulation.fingers import TouchParameters
-from structlearn.simulation.touch import TouchFingerParameters
-from structlearn.simulation.touch_demonstrator import ToucherParameters
 from structlearn.tactile.latent_models import write_models
 from structlearn.tactile.latent_parameters import GeodesicParameters, LatentParameters
 from structlearn.tactile.touch_dataset import TouchDataParameters
-from structlearn.testbeds.servoing.protocol.servo_trials import learn_other_skin
-from structlearn.testbeds.servoing.protocol.servo_variants import OtherSkinsParameters
 
 SHARED = {
     "touch_dataset": TouchDataParameters,

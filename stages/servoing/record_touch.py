@@ -2,17 +2,17 @@
 
 import pandas as pd
 
-from structlearn.core.artefacts import publish, write_table
-from structlearn.core.stage import run, stage_parameters
-from structlearn.readers import write_recordings
-from structlearn.simulation.fingers import TouchParameters
-from structlearn.simulation.touch import TouchFingerParameters
-from structlearn.simulation.touch_demonstrator import (
+from dissertation.simulation.fingers import TouchParameters
+from dissertation.simulation.touch import TouchFingerParameters
+from dissertation.simulation.touch_demonstrator import (
     ToucherParameters,
     demonstrate,
     recorded,
     true_contacts,
 )
+from structlearn.core.artefacts import publish, write_table
+from structlearn.core.stage import run, stage_parameters
+from structlearn.readers import write_recordings
 
 
 def main() -> None:

@@ -1,19 +1,19 @@
 """Report of the servoing testbed: figures, tables, findings and their page."""
 
+from dissertation.evidence.claims import quoted_claims
+from dissertation.evidence.judged_page import publish_judged
+from dissertation.evidence.studies import read_study
+from dissertation.servoing import files
+from dissertation.servoing.page.figures import drawings
+from dissertation.servoing.page.findings import PEOPLE_STUDY, ModelScores, ServoingResults, findings
+from dissertation.servoing.page.page import document
+from dissertation.servoing.protocol.servo_variants import OtherSkinsParameters, ServoTrialParameters
+from dissertation.simulation.touch_demonstrator import ToucherParameters
 from structlearn.core.artefacts import read_table
 from structlearn.core.params import Population
 from structlearn.core.stage import run, stage_parameters
-from structlearn.reporting.claims import quoted_claims
-from structlearn.reporting.publishing import publish_report
-from structlearn.reporting.studies import read_study
-from structlearn.simulation.touch_demonstrator import ToucherParameters
 from structlearn.tactile.latent_parameters import GeodesicParameters, LatentParameters
 from structlearn.tactile.touch_dataset import TouchDataParameters, read_dataset
-from structlearn.testbeds.servoing import files
-from structlearn.testbeds.servoing.page.figures import drawings
-from structlearn.testbeds.servoing.page.findings import PEOPLE_STUDY, ModelScores, ServoingResults, findings
-from structlearn.testbeds.servoing.page.page import document
-from structlearn.testbeds.servoing.protocol.servo_variants import OtherSkinsParameters, ServoTrialParameters
 
 PARAMETERS = {
     "toucher": ToucherParameters,
@@ -41,7 +41,7 @@ def main() -> None:
     )
     find = findings(results)
     page, drawn = document(results, find), drawings(results)
-    publish_report("reports/servoing", {"index": page}, drawn, page.tables, find, recorded=quoted_claims())
+    publish_judged("reports/servoing", {"index": page}, drawn, page.tables, find, recorded=quoted_claims())
 
 
 if __name__ == "__main__":

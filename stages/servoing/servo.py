@@ -2,19 +2,19 @@
 
 import pandas as pd
 
-from structlearn.core.artefacts import publish, write_table
-from structlearn.core.stage import run, stage_parameters
-from structlearn.simulation.fingers import TouchParameters
-from structlearn.simulation.touch import TouchFingerParameters
-from structlearn.simulation.touch_demonstrator import ToucherParameters
-from structlearn.tactile.latent_models import read_models
-from structlearn.testbeds.servoing.protocol.servo_trials import compare
-from structlearn.testbeds.servoing.protocol.servo_variants import (
+from dissertation.servoing.protocol.servo_trials import compare
+from dissertation.servoing.protocol.servo_variants import (
     OtherSkinsParameters,
     ServoTrialParameters,
     variants,
     variants_of_other_skins,
 )
+from dissertation.simulation.fingers import TouchParameters
+from dissertation.simulation.touch import TouchFingerParameters
+from dissertation.simulation.touch_demonstrator import ToucherParameters
+from structlearn.core.artefacts import publish, write_table
+from structlearn.core.stage import run, stage_parameters
+from structlearn.tactile.latent_models import read_models
 
 
 def main() -> None:

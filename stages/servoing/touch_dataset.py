@@ -1,8 +1,8 @@
 """Touch samples from the recordings: low-pass, offsets, contacts, contact points and splits (II.4.1.1)."""
 
+from dissertation.simulation.touch_demonstrator import ToucherParameters
 from structlearn.core.stage import run, stage_parameters
 from structlearn.readers.demonstration import read_runs
-from structlearn.simulation.touch_demonstrator import ToucherParameters
 from structlearn.tactile.electrodes import SKINS
 from structlearn.tactile.touch_dataset import TouchDataParameters, prepare, write_dataset
 

@@ -1,21 +1,21 @@
 """Rerun views: demonstrations of touch, the latent map, and closed-loop servoing (chapter II)."""
 
-from structlearn.core.artefacts import publish, read_table
-from structlearn.core.stage import run, stage_parameters
-from structlearn.readers.demonstration import read_runs
-from structlearn.simulation.touch_demonstrator import ToucherParameters
-from structlearn.tactile.electrodes import SKINS
-from structlearn.tactile.latent_parameters import LatentParameters
-from structlearn.tactile.touch_dataset import TouchDataParameters, read_dataset
-from structlearn.testbeds.servoing import files
-from structlearn.testbeds.servoing.views.demonstrated_touches import (
+from dissertation.servoing import files
+from dissertation.servoing.recordings.demonstrated_touches import (
     shown_touches,
     write_latent_maps,
     write_touch_demonstrations,
 )
-from structlearn.testbeds.servoing.views.servo_runs import shown_runs, write_servo_runs
-from structlearn.testbeds.servoing.views.servoing_scene import FlatSkin, ServoingViewParameters
-from structlearn.testbeds.servoing.world.servo_loop import handle_of
+from dissertation.servoing.recordings.servo_runs import shown_runs, write_servo_runs
+from dissertation.servoing.recordings.servoing_scene import FlatSkin, ServoingViewParameters
+from dissertation.servoing.world.servo_loop import handle_of
+from dissertation.simulation.touch_demonstrator import ToucherParameters
+from structlearn.core.artefacts import publish, read_table
+from structlearn.core.stage import run, stage_parameters
+from structlearn.readers.demonstration import read_runs
+from structlearn.tactile.electrodes import SKINS
+from structlearn.tactile.latent_parameters import LatentParameters
+from structlearn.tactile.touch_dataset import TouchDataParameters, read_dataset
 
 
 def main() -> None:

@@ -3,9 +3,9 @@
 import sys
 from pathlib import Path
 
+from dissertation.evidence.study_tables import CELLS, read_descriptions, run_cell, write_cell
 from structlearn.core.errors import InputError
 from structlearn.core.stage import run
-from structlearn.reporting.study_tables import CELLS, read_descriptions, run_cell, write_cell
 
 
 def main() -> None:

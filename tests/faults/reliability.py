@@ -9,9 +9,10 @@ from pathlib import Path
 
 import pandas as pd
 
+from dissertation.evidence.judged_page import TEMPLATES, JudgedDocument
 from structlearn.core.artefacts import Metrics, read_csv, read_metrics, write_csv, write_metrics
 from structlearn.core.publication import publish
-from structlearn.reporting.document import UNKNOWN_COMMIT, Document, Table, render, source_commit
+from structlearn.reporting.document import UNKNOWN_COMMIT, Table, render, source_commit
 
 RESULTS = Path("reports/reliability")
 BROKEN_BY = ("src", "stages", "tests/faults")
@@ -71,7 +72,7 @@ def reliability_page(tables: Mapping[str, pd.DataFrame], metrics: Metrics) -> st
         else None
         for name, by in SUMMED_BY.items()
     }
-    return render(Document("reliability.html.jinja", "structlearn.reporting", facts=facts), figures={})
+    return render(JudgedDocument("reliability.html.jinja", TEMPLATES, facts=facts), figures={})
 
 
 def _sums(table: pd.DataFrame, by: Sequence[str]) -> pd.DataFrame:

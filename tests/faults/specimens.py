@@ -19,22 +19,23 @@ from readers_bags import make_recording, pose_messages, pose_rows, write_bag, wr
 from readers_sets import write_boxes, write_dataset, write_kuka, write_skin, write_ur10e
 from scraping_motions import constant_network, scraping_skill
 
+from dissertation.recorded.readers import kuka_lwr4
+from dissertation.recorded.readers.eflesh import FOLDERS, PRESSES, read_run
+from dissertation.recorded.readers.reaches_past_boxes import read_obstacles
+from dissertation.recorded.readers.ur10e import read_motion
 from structlearn.core.artefacts import read_metrics, read_table, write_metrics, write_table
 from structlearn.core.params import read_parameters
 from structlearn.feedback.coupling_model import read_networks, write_networks
 from structlearn.primitives.primitive_files import read_primitives, write_primitives
-from structlearn.readers import kuka_lwr4, read_demonstrations, read_recording, write_recording
+from structlearn.readers import read_demonstrations, read_recording, write_recording
 from structlearn.readers.bag_recording import read_joint_log, write_joint_log
 from structlearn.readers.clock import synchronise
 from structlearn.readers.demonstration import NamedShape
-from structlearn.readers.eflesh import FOLDERS, PRESSES, read_run
 from structlearn.readers.foreign_tables import read_stamped_table
 from structlearn.readers.joint_log import DriveLog, JointLog, read_log_table, signals_of, write_log_table
 from structlearn.readers.lerobot import read_movement
-from structlearn.readers.reaches_past_boxes import read_obstacles
-from structlearn.readers.ur10e import read_motion
 from structlearn.readers.user_tables import read_touch_table
-from structlearn.rigid_body.tree import read_urdf
+from structlearn.rigid_body.robot import read_urdf
 from structlearn.segmentation.parameters import SegmentParameters
 from structlearn.tasks.task_entry import read_task
 from structlearn.verify import changed, outputs
@@ -133,9 +134,7 @@ def _episodes(path: Path) -> list:
 
 def _tasks(path: Path) -> None:
     move = {"name": "move", "axis": "z", "threshold_m_s": 0.02}
-    own_tasks(
-        path.parents[2], reach={"source": "x", "topics": {"pose": "/p"}, "segment": {"primitives": [move]}}
-    )
+    own_tasks(path.parent, reach={"source": "x", "topics": {"pose": "/p"}, "segment": {"primitives": [move]}})
 
 
 def _taken(path: Path) -> Any:
@@ -188,7 +187,7 @@ UNSIGNED = {
         lambda path: path.write_text(yaml.safe_dump({"segment": parameter_tree({})["segment"]})),
         lambda path: read_parameters(path, "segment", SegmentParameters),
     ),
-    "stages/tasks/own.yaml, stages/tasks/params.yaml": (_tasks, lambda path: read_task("reach", path.parent)),
+    "structlearn.yaml": (_tasks, lambda path: read_task("reach", path)),
     "touches.csv, touches.parquet": (_touches, lambda path: read_touch_table(path, None)),
     "measurements_1.npz": (
         lambda path: write_kuka(path.parent), lambda path: kuka_lwr4.read_motion(path.parent)

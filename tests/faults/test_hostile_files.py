@@ -22,15 +22,16 @@ from readers_sets import write_dataset, write_kuka
 from rosbags import rosbag1
 from rosbags.typesys import Stores, get_typestore
 
+from dissertation.recorded.readers import kuka_lwr4
+from dissertation.recorded.readers.ur10e import read_motion
 from structlearn.core import reading
 from structlearn.core.artefacts import read_metrics, read_tensors, write_tensors
 from structlearn.core.params import read_values
 from structlearn.feedback.skill_file import KIND, read_skill
-from structlearn.readers import kuka_lwr4, read_demonstrations, read_recording
+from structlearn.readers import read_demonstrations, read_recording
 from structlearn.readers.foreign_tables import read_stamped_table
 from structlearn.readers.lerobot import read_movement
-from structlearn.readers.ur10e import read_motion
-from structlearn.rigid_body.tree import read_urdf
+from structlearn.rigid_body.robot import read_urdf
 
 STAMPS = (10**9 + 10_000_000 * np.arange(4)).tolist()
 

@@ -47,7 +47,7 @@ class AvoidancePaths:
 
     path: Trajectory  # (B, T, 3) positions relative to the start, velocities, accelerations
     coupling: np.ndarray  # (B, T, 3) applied coupling term, held over the step after its sample
-    asked: np.ndarray  # (B, T, 3) post-processed coupling term, before the limits of `GoalReach`
+    requested: np.ndarray  # (B, T, 3) post-processed coupling term, before the limits of `GoalReach`
     goal: np.ndarray  # (B, 3) steady goal, the last one if it changed
     start: np.ndarray  # (B, 3) origin of the local frame in the base frame, m
     frame: np.ndarray  # (B, 3, 3) local to base
@@ -109,7 +109,7 @@ def unroll(
             path.position[:, -1], goal, forcing[:, change:], dt, tau, *rates, coupling
         )
         path = _joined(path, rest, time)
-    return AvoidancePaths(path, feedback.coupling, feedback.asked, goal, starts, frames, duration)
+    return AvoidancePaths(path, feedback.coupling, feedback.requested, goal, starts, frames, duration)
 
 
 def reach_frames(primitive: PositionPrimitive, starts: np.ndarray, goals: np.ndarray) -> np.ndarray:
@@ -145,7 +145,7 @@ class _Feedback:
         parameters: PostprocessingParameters,
     ) -> None:
         batch, self._dt = len(obstacles[0].points), time[1]
-        self.coupling, self.asked = np.zeros((2, batch, len(time), 3))
+        self.coupling, self.requested = np.zeros((2, batch, len(time), 3))
         self._model, self._obstacles, self._time = model, obstacles, time
         self._decay = parameters.passed_decay_per_m2
         self._extent = [(o.points[..., 0].min(axis=1), o.points[..., 0].max(axis=1)) for o in obstacles]
@@ -162,8 +162,8 @@ class _Feedback:
         k = first + step
         if k > self._done:  # the sample of a goal change belongs to two segments
             terms = [self._term(number, k, goal, x, xd) for number in range(len(self._obstacles))]
-            self.asked[:, k] = strongest_pushes(np.stack(terms))
-            self.coupling[:, k] = self._reach.admissible(k, self.asked[:, k])
+            self.requested[:, k] = strongest_pushes(np.stack(terms))
+            self.coupling[:, k] = self._reach.admissible(k, self.requested[:, k])
             self._reach.advance(self.coupling[:, k])
             self._done = k
         return self.coupling[:, k]

@@ -18,8 +18,8 @@ from structlearn.avoidance.rai_2014 import read_human_inspired, write_human_insp
 from structlearn.core.errors import InputError
 from structlearn.feedback.coupling_dataset import CouplingDataset, without_generalization
 from structlearn.feedback.coupling_model import CouplingModel as AxisModel
-from structlearn.feedback.coupling_model import TrainingParameters, read_networks, write_networks
-from structlearn.feedback.models.pmnn import PhaseModulatedNetwork
+from structlearn.feedback.coupling_model import read_networks, write_networks
+from structlearn.feedback.trainers import TrainingParameters
 
 NETWORK, ENSEMBLE = "network", "ensemble"
 
@@ -49,6 +49,8 @@ def train_phase_modulated(
 
     Raises InputError: too few samples, or the target of an axis is constant.
     """
+    from structlearn.feedback.training import pmnn  # torch
+
     per_axis = [
         CouplingDataset(
             deviation=dataset.features,
@@ -62,7 +64,7 @@ def train_phase_modulated(
         for target in dataset.target.T
     ]
     fold = without_generalization(per_axis[0], parameters.chunk_samples, parameters.seed)
-    trained = PhaseModulatedNetwork.train([(one, fold) for one in per_axis], parameters, hidden)
+    trained = pmnn.train([(one, fold) for one in per_axis], parameters, hidden)
     return PhaseModulatedAvoidance(tuple(one.models["validation"] for one in trained))
 
 

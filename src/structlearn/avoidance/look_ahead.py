@@ -1,4 +1,4 @@
-"""Features of a whole scene: the way ahead along a planar cost-to-go (beyond IV.8).
+"""Features of a whole scene: the path ahead along a planar cost-to-go (beyond IV.8).
 
 The 17 features of the text describe one obstacle, so their models ignore others beside it and may head where
 there is no gap. Here any number of shapes act through the distance d to the nearest of them:
@@ -15,7 +15,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from pydantic import Field, PositiveFloat
+from pydantic import Field
 
 from structlearn.avoidance.features import MIRROR
 from structlearn.avoidance.shapes import Obstacle
@@ -23,21 +23,21 @@ from structlearn.core.compilation import numba
 from structlearn.core.errors import InputError
 from structlearn.core.params import Parameters
 
+CELL_M = 0.01  # of the grid: a clearance is several cells wide
+MARGIN_M = 0.05  # of the grid around start, goal and all shapes: paths may lead around the outermost
+NEARNESS_M = 0.05  # s of w(x), over which the cost of a path along a surface fades
+AHEAD_M = (0.03, 0.06, 0.1, 0.15, 0.2, 0.3)  # distances along the path, denser where the hand acts first
 SWEEPS = 40  # maximum, each over the grid in four directions; paths with many bends take about ten
 TOLERANCE = 1e-9  # m of cost-to-go; sweeping ends when no cell improves by more
 STEP_CELLS = 0.5  # step along the path, in cells; directions are interpolated between their centres
 
 
 class LookAheadParameters(Parameters):
-    """Grid, costs, distances ahead. Fields: `stages/tasks/params.yaml`, `defaults.obstacles.look_ahead`."""
+    """Costs of the plane around shapes. Fields: `defaults.obstacles.look_ahead`."""
 
-    cell_m: float = Field(gt=0, le=0.1)
-    margin_m: float = Field(ge=0, le=1)
     clearance_m: float = Field(gt=0, le=0.5)
     blocked_cost: float = Field(ge=0)
     nearness_cost: float = Field(ge=0)
-    nearness_m: PositiveFloat
-    ahead_m: tuple[PositiveFloat, ...] = Field(min_length=1)
 
 
 @dataclass(frozen=True)
@@ -84,16 +84,15 @@ def cost_to_go(
         shape.centre + side * np.abs(shape.rotation) @ shape.half_size for shape in shapes for side in (-1, 1)
     ]
     points = np.vstack([ends, *corners])[:, :2]
-    cell, margin = parameters.cell_m, parameters.margin_m
-    origin = points.min(axis=0) - margin
-    count = np.maximum(np.ceil((points.max(axis=0) + margin - origin) / cell).astype(int) + 1, 2)
-    axes = [low + cell * np.arange(number) for low, number in zip(origin, count, strict=True)]
+    origin = points.min(axis=0) - MARGIN_M
+    count = np.maximum(np.ceil((points.max(axis=0) + MARGIN_M - origin) / CELL_M).astype(int) + 1, 2)
+    axes = [low + CELL_M * np.arange(number) for low, number in zip(origin, count, strict=True)]
     cells = np.stack(np.meshgrid(*axes, ends[:, 2].mean(), indexing="ij"), axis=-1)[:, :, 0]  # (X, Y, 3)
     weight = way_cost(nearest_distance(shapes, cells), parameters)
     cost = np.full(weight.shape, np.inf)
-    _seed(cost, weight, origin, cell, ends[1, :2])
-    _sweep(cost, weight, cell, SWEEPS, TOLERANCE)
-    return CostToGo(origin, cell, ends[1, :2], cost, _descent(cost))
+    _seed(cost, weight, origin, CELL_M, ends[1, :2])
+    _sweep(cost, weight, CELL_M, SWEEPS, TOLERANCE)
+    return CostToGo(origin, CELL_M, ends[1, :2], cost, _descent(cost))
 
 
 def nearest_distance(shapes: Sequence[Obstacle], points: np.ndarray) -> np.ndarray:
@@ -104,7 +103,7 @@ def nearest_distance(shapes: Sequence[Obstacle], points: np.ndarray) -> np.ndarr
 
 def way_cost(distance: np.ndarray, parameters: LookAheadParameters) -> np.ndarray:
     """Cost w (...) per length of path, at signed distances (...) m from the nearest shape."""
-    near = parameters.nearness_cost * np.exp(-np.maximum(distance, 0.0) / parameters.nearness_m)
+    near = parameters.nearness_cost * np.exp(-np.maximum(distance, 0.0) / NEARNESS_M)
     return 1.0 + near + parameters.blocked_cost * np.maximum(0.0, 1.0 - distance / parameters.clearance_m)
 
 
@@ -115,25 +114,24 @@ def scene_features(
     start: np.ndarray,
     frame: np.ndarray,
     goal: np.ndarray,
-    ahead: Sequence[float],
 ) -> np.ndarray:
     """Features (N, 2 L + 9) of a scene and of the hand's motion, in the local frame of the reach.
 
     `position` (N, 3) m relative to the start; `scaled_velocity` (N, 3) tau v, m; `start` (3,) m, base frame;
-    `frame` (3, 3) local to base; `goal` (3,) m, local frame; `ahead` (L,) m. Columns: x and y of the path at
-    each distance ahead; excess of its cost over a straight free path; vector to the goal; tau v; y and z of
+    `frame` (3, 3) local to base; `goal` (3,) m, local frame. Columns: x and y of the path at each of the L
+    distances `AHEAD_M`; excess of its cost over a straight free path; vector to the goal; tau v; y and z of
     the hand.
     """
     here = (position @ frame.T + start)[:, :2]
-    way = scene.ways(here, ahead) - here[:, None]  # horizontal: no z in the base frame
-    led = (way @ frame[:2])[..., :2].reshape(len(position), -1)
+    relative = scene.ways(here, AHEAD_M) - here[:, None]  # horizontal: no z in the base frame
+    led = (relative @ frame[:2])[..., :2].reshape(len(position), -1)
     excess = scene.at(here) - np.linalg.norm(scene.goal - here, axis=1)
     return np.column_stack([led, excess, goal - position, scaled_velocity, position[:, 1:]])
 
 
-def mirror_signs(parameters: LookAheadParameters) -> np.ndarray:
+def mirror_signs() -> np.ndarray:
     """Signs (F,) of the columns of `scene_features` after mirroring the scene in the plane y = 0."""
-    led = [1.0, -1.0] * len(parameters.ahead_m)
+    led = [1.0, -1.0] * len(AHEAD_M)
     return np.array([*led, 1.0, *MIRROR, *MIRROR, *MIRROR[1:]])
 
 

@@ -111,8 +111,8 @@ def member_samples(
     chosen = rng.permutation(which.max() + 1)[: parameters.demonstrations]
     seen = dataset.where(np.isin(which, chosen))
     sizes = np.array([parameters.displaced_m, parameters.displaced_velocity_m])[:, None, None]
-    off = sizes * rng.standard_normal((2, len(seen), 3)) * (0.0, 1.0, 1.0)  # no displacement along x
-    return replace(seen, features=displaced(seen.features, *off))
+    shift = sizes * rng.standard_normal((2, len(seen), 3)) * (0.0, 1.0, 1.0)  # no displacement along x
+    return replace(seen, features=displaced(seen.features, *shift))
 
 
 def stacked(

@@ -16,7 +16,7 @@ from structlearn.core.errors import MissingInputError
 from structlearn.readers.demonstration import Demonstration
 
 MODELS = (HUMAN_INSPIRED, PUBLISHED, NEAREST, SCENE)
-WAYS = (NONE, *MODELS, PLANNED)  # in the order of tables
+ALL_MODELS = (NONE, *MODELS, PLANNED)  # in the order of tables
 
 SAME_END_M = 0.1  # largest distance between starts, and between goals, of reaches through one scene
 SHOWN = 6  # number of reaches in pictures and recordings
@@ -26,19 +26,19 @@ SHOWN = 6  # number of reaches in pictures and recordings
 class SceneResults:
     """Result tables over all folds."""
 
-    # per `way` of `WAYS` and `reach`: `person`, `fold`; `blocked`: the straight line hits an obstacle; `hit`,
-    # `hit_wall`: the reach hits an obstacle, a wall; `clearance_mm` of the hand's centre from the nearest
-    # obstacle, `left_mm` to the goal at the prescribed end, `path_mm` from the person's own path, and
-    # `same_gaps`: it takes the same gaps as the person
+    # per `model` of `ALL_MODELS` and `reach`: `person`, `fold`; `blocked`: the straight line hits an
+    # obstacle; `hit`, `hit_wall`: it hits an obstacle, a wall; `clearance_mm` of the hand's centre from
+    # the nearest obstacle, `left_mm` to the goal at the prescribed end, `path_mm` from the person's own path,
+    # and `same_gaps`: it takes the same gaps as the person
     reaches: pd.DataFrame
-    # per `way` of `MODELS`, `fold` and `axis`, sums over held-out samples: `squared` errors of the coupling
+    # per `model` of `MODELS`, `fold` and `axis`, sums over held-out samples: `squared` errors of the coupling
     # term, and `variance`, squared deviations of the targets from their mean
     errors: pd.DataFrame
     # per pair of people who reached through the same scene: `first`, `second`, `reach`, `path_mm`,
     # `same_gaps`
     people: pd.DataFrame
     left_out: pd.DataFrame  # trials that are not reaches: `trial`, `person`, `reason`
-    # some reaches for pictures: `reach`, `way` (or `recorded`), `time_s`, `x_m`, `y_m`, `z_m`
+    # some reaches for pictures: `reach`, `model` (or `recorded`), `time_s`, `x_m`, `y_m`, `z_m`
     paths: pd.DataFrame
     # shapes of these reaches: `reach`, `box` (obstacle, not wall), centre `x_m`, `y_m`, `z_m` and extent
     # `width_m`, `depth_m`, `height_m`
@@ -92,10 +92,10 @@ def judge_folds(
     for fold, learned in enumerate(scene_models.learn(reaches, scenes, training_parts, parameters)):
         own, its = [reaches[place] for place in tests[fold]], scenes.take(tests[fold])
         errors.append(_errors(learned, own, its, parameters).assign(fold=fold))
-        for way in WAYS:
-            paths, left = scene_models.reach_through(learned, way, its, parameters)
-            unrolled |= {(own[place].name, way): path for place, path in enumerate(paths)}
-            scored.append(scores(own, paths, left, parameters.hand_radius_m).assign(way=way, fold=fold))
+        for model in ALL_MODELS:
+            paths, left = scene_models.reach_through(learned, model, its, parameters)
+            unrolled |= {(own[place].name, model): path for place, path in enumerate(paths)}
+            scored.append(scores(own, paths, left, parameters.hand_radius_m).assign(model=model, fold=fold))
     table = pd.concat(scored, ignore_index=True)
     shown = shown_reaches(table)
     return SceneResults(
@@ -140,15 +140,15 @@ def _errors(
     paths = [reach.path for reach in reaches]
     states = scene_models.scene_states(paths, learned.baseline, parameters.keep_every)
     nearest = scene_models.samples_of_nearest(states, scenes)
-    seen = scene_models.samples_of_scene(states, scenes, parameters.look_ahead.ahead_m)
+    seen = scene_models.samples_of_scene(states, scenes)
     variance = np.square(states.target - states.target.mean(axis=0)).sum(axis=0)
     rows = []
-    for way in MODELS:
-        its = seen if way == SCENE else nearest
-        found = learned.models[way](its.features, its.phase, its.phase_velocity)
+    for model in MODELS:
+        its = seen if model == SCENE else nearest
+        found = learned.models[model](its.features, its.phase, its.phase_velocity)
         squared = np.square(found - states.target).sum(axis=0)
-        rows += list(zip([way] * 3, AXES, squared, variance, strict=True))
-    return pd.DataFrame(rows, columns=["way", "axis", "squared", "variance"])
+        rows += list(zip([model] * 3, AXES, squared, variance, strict=True))
+    return pd.DataFrame(rows, columns=["model", "axis", "squared", "variance"])
 
 
 def beside_each_other(reaches: Sequence[SceneReach]) -> pd.DataFrame:
@@ -168,7 +168,7 @@ def beside_each_other(reaches: Sequence[SceneReach]) -> pd.DataFrame:
 
 def shown_reaches(table: pd.DataFrame) -> list[str]:
     """Reaches for pictures, chosen by the scene alone: evenly spaced among the blocked ones."""
-    blocked = table.loc[(table["way"] == NONE) & table["blocked"], "reach"].sort_values().tolist()
+    blocked = table.loc[(table["model"] == NONE) & table["blocked"], "reach"].sort_values().tolist()
     count = min(SHOWN, len(blocked))
     return [blocked[(2 * place + 1) * len(blocked) // (2 * count)] for place in range(count)]
 
@@ -179,15 +179,17 @@ def _pictures(
     """`SceneResults.paths` and `shapes` of some reaches."""
     paths, shapes = [], []
     for reach in reaches:
-        drawn = {"recorded": reach.in_base_frame} | {way: unrolled[reach.name, way] for way in WAYS}
-        for way, path in drawn.items():
+        drawn = {"recorded": reach.in_base_frame} | {
+            model: unrolled[reach.name, model] for model in ALL_MODELS
+        }
+        for model, path in drawn.items():
             columns = dict(zip(("x_m", "y_m", "z_m"), path.T, strict=True))
             time = reach.duration_s * reach.path.time
-            paths.append(pd.DataFrame({"reach": reach.name, "way": way, "time_s": time, **columns}))
+            paths.append(pd.DataFrame({"reach": reach.name, "model": model, "time_s": time, **columns}))
         kinds = [(True, one) for one in reach.obstacles] + [(False, wall) for wall in reach.walls]
         shapes += [(reach.name, box, *one.centre, *2.0 * one.half_size) for box, one in kinds]
     names = ["reach", "box", "x_m", "y_m", "z_m", "width_m", "depth_m", "height_m"]
-    none = pd.DataFrame(columns=["reach", "way", "time_s", "x_m", "y_m", "z_m"])
+    none = pd.DataFrame(columns=["reach", "model", "time_s", "x_m", "y_m", "z_m"])
     return {
         "paths": pd.concat(paths, ignore_index=True) if paths else none,
         "shapes": pd.DataFrame(shapes, columns=names),

@@ -36,6 +36,11 @@ NEAREST, SCENE, PLANNED = "nearest", "scene", "planned"
 """The baseline alone; Rai et al.; the published features and network; the same features with our training;
 the scene's features with the same network and training; the planned path itself."""
 
+STRAIGHT_SHARE = 0.1  # of a reach's length, off a straight line: the baseline is learned from such reaches
+RETURN_STIFFNESS = 60.0  # m of coupling per m off the path, which leads displaced samples back to it
+END_LIMIT_M = 0.02  # off the baseline's end that coupling may leave the hand, which must be at its goal
+RETURN_COUPLING = 20.0  # m, coupling that may be needed to keep this limit, as for one obstacle
+TEXT_DECAY_PER_M2 = 10.0  # k of the post-processing, as published
 PLANNED_STEP_M, PLANNED_MOST_M = 0.005, 2.0  # spacing and largest length of a planned path
 TAU = canonical.time_constant(1.0)  # time constant in durations
 
@@ -58,12 +63,10 @@ class Scenes:
         arrays = (self.start[places], self.frame[places], self.goal[places], self.clouds[places])
         return type(self)(*arrays, [self.ways[place] for place in places])
 
-    def features(
-        self, scene: int, position: np.ndarray, scaled_velocity: np.ndarray, ahead: Sequence[float]
-    ) -> np.ndarray:
+    def features(self, scene: int, position: np.ndarray, scaled_velocity: np.ndarray) -> np.ndarray:
         """`look_ahead.scene_features` of states (N, 3), (N, 3) in one of the scenes."""
         place = (self.start[scene], self.frame[scene], self.goal[scene])
-        return scene_features(self.ways[scene], position, scaled_velocity, *place, ahead)
+        return scene_features(self.ways[scene], position, scaled_velocity, *place)
 
 
 @dataclass(frozen=True)
@@ -98,26 +101,26 @@ def scene_states(paths: Sequence[Trajectory], baseline: VectorPrimitive, keep_ev
 
 
 def displaced_states(
-    states: SceneStates, parameters: EnsembleParameters, stiffness: float, stream: Sequence[int]
+    states: SceneStates, parameters: EnsembleParameters, stream: Sequence[int]
 ) -> SceneStates:
     """Training states of one ensemble member: some reaches, each sample as recorded and once displaced."""
     rng = np.random.default_rng([parameters.training.seed, *stream, SEEN])
     chosen = rng.permutation(np.unique(states.scene))[: parameters.demonstrations]
     seen = states.where(np.isin(states.scene, chosen))
-    off, faster = rng.standard_normal((2, len(seen.time), 3))
-    off, faster = parameters.displaced_m * off, parameters.displaced_velocity_m * faster
+    displacement, faster = rng.standard_normal((2, len(seen.time), 3))
+    displacement, faster = parameters.displaced_m * displacement, parameters.displaced_velocity_m * faster
     beside = replace(
         seen,
-        position=seen.position + off,
+        position=seen.position + displacement,
         scaled_velocity=seen.scaled_velocity + faster,
-        target=seen.target - stiffness * off,
+        target=seen.target - RETURN_STIFFNESS * displacement,
     )
     return concatenated([seen, beside])
 
 
-def samples_of_scene(states: SceneStates, scenes: Scenes, ahead: Sequence[float]) -> AvoidanceDataset:
+def samples_of_scene(states: SceneStates, scenes: Scenes) -> AvoidanceDataset:
     """States with the features of their scenes (`look_ahead.scene_features`)."""
-    return _samples(states, lambda b, x, v: scenes.features(b, x, v, ahead))
+    return _samples(states, scenes.features)
 
 
 def with_mirror_images(dataset: AvoidanceDataset, signs: np.ndarray) -> AvoidanceDataset:
@@ -188,12 +191,12 @@ def reach_scenes(reaches: Sequence[SceneReach], parameters: SceneLearningParamet
     )
 
 
-def straight_baseline(reaches: Sequence[SceneReach], straight_share: float) -> VectorPrimitive:
+def straight_baseline(reaches: Sequence[SceneReach]) -> VectorPrimitive:
     """Primitive of the reaches that are nearly straight, or else of the straightest one.
 
     Its forcing term scales with the length of the reach.
     """
-    most = max(straight_share, min(reach.bend for reach in reaches))
+    most = max(STRAIGHT_SHARE, min(reach.bend for reach in reaches))
     straight = [reach.path for reach in reaches if reach.bend <= most]
     return fit_position(straight, scaled=(True, False, False)).local
 
@@ -235,20 +238,17 @@ def _training_sets(
     reaches: Sequence[SceneReach], scenes: Scenes, number: int, parameters: SceneLearningParameters
 ) -> tuple[VectorPrimitive, AvoidanceDataset, dict[str, TrainingSets]]:
     """Baseline, samples with the published features, and training data by kind of network, of a set."""
-    baseline = straight_baseline(reaches, parameters.straight_share)
+    baseline = straight_baseline(reaches)
     states = scene_states([one.path for one in reaches], baseline, parameters.keep_every)
-    ensemble, ahead = parameters.network, parameters.look_ahead.ahead_m
-    displaced = [
-        displaced_states(states, ensemble, parameters.return_stiffness, (number, member))
-        for member in range(ensemble.members)
-    ]
+    ensemble = parameters.network
+    displaced = [displaced_states(states, ensemble, (number, member)) for member in range(ensemble.members)]
     nearest, *near = (samples_of_nearest(one, scenes) for one in (states, *displaced))
-    scene, *far = (samples_of_scene(one, scenes, ahead) for one in (states, *displaced))
-    signs = mirror_signs(parameters.look_ahead)
+    scene, *far = (samples_of_scene(one, scenes) for one in (states, *displaced))
+    signs = mirror_signs()
     every_near, *near = (with_mirror_images(one, MIRROR_SIGNS) for one in (nearest, *near))
     every_far, *far = (with_mirror_images(one, signs) for one in (scene, *far))
     networks: dict[str, TrainingSets] = {
-        PUBLISHED: (parameters.text_network, nearest, [nearest]),
+        PUBLISHED: (parameters.published_network, nearest, [nearest]),
         NEAREST: (ensemble, every_near, near),
         SCENE: (ensemble, every_far, far),
     }
@@ -264,7 +264,7 @@ def reach_through(
         path = np.array([planned_path(scenes, place, samples) for place in range(len(scenes))])
     else:
         feedback = None if kind == NONE else _feedback(learned.models[kind], kind, scenes, parameters)
-        limits = (parameters.end_limit_m, parameters.return_coupling) if kind == SCENE else ()
+        limits = (END_LIMIT_M, RETURN_COUPLING) if kind == SCENE else ()
         unrolled: Trajectory = unroll_through(learned.baseline, scenes.goal, feedback, samples, *limits)
         path = scenes.start[:, None] + unrolled.position @ np.swapaxes(scenes.frame, 1, 2)
     goal = scenes.start + np.einsum("bij,bj->bi", scenes.frame, scenes.goal)
@@ -276,10 +276,10 @@ def planned_path(scenes: Scenes, place: int, samples: int) -> np.ndarray:
     start = scenes.start[place]
     goal = start + scenes.frame[place] @ scenes.goal[place]
     ahead = np.arange(PLANNED_STEP_M, PLANNED_MOST_M, PLANNED_STEP_M)
-    way = np.vstack([start[:2], scenes.ways[place].ways(start[None, :2], ahead)[0]])
-    length = np.append(0.0, np.cumsum(np.linalg.norm(np.diff(way, axis=0), axis=1)))
+    path = np.vstack([start[:2], scenes.ways[place].ways(start[None, :2], ahead)[0]])
+    length = np.append(0.0, np.cumsum(np.linalg.norm(np.diff(path, axis=0), axis=1)))
     share = progress(np.linspace(0.0, 1.0, samples))
-    x, y = (np.interp(share * length[-1], length, column) for column in way.T)
+    x, y = (np.interp(share * length[-1], length, column) for column in path.T)
     return np.column_stack([x, y, start[2] + share * (goal[2] - start[2])])
 
 
@@ -292,16 +292,15 @@ def _feedback(
 ) -> Feedback:
     """Coupling term of a model, from the scene or from the nearest obstacle with the published rules."""
     phase = canonical.phase(np.linspace(0.0, 1.0, parameters.reaches.samples), TAU)
-    ahead = parameters.look_ahead.ahead_m
 
     def at(k: int, position: np.ndarray, scaled_velocity: np.ndarray) -> np.ndarray:
         now = [np.full(len(position), values[k]) for values in phase]
         if kind == SCENE:
             states = enumerate(zip(position[:, None], scaled_velocity[:, None], strict=True))
-            return model(np.concatenate([scenes.features(b, *state, ahead) for b, state in states]), *now)
+            return model(np.concatenate([scenes.features(b, *state) for b, state in states]), *now)
         seen, x = nearest_seen(position, scaled_velocity, scenes.clouds)
         bounds = (x.min(axis=1), x.max(axis=1), scenes.goal[:, 0])
-        return post_processed(model(seen, *now), position[:, 0], *bounds, parameters.text_decay_per_m2)
+        return post_processed(model(seen, *now), position[:, 0], *bounds, TEXT_DECAY_PER_M2)
 
     return at
 

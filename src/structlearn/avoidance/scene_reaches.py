@@ -20,21 +20,21 @@ from structlearn.core.params import Parameters
 from structlearn.primitives.trajectory import Trajectory, differentiated
 from structlearn.readers.demonstration import Demonstration
 
+ONSET_SHARE = 0.05  # of the peak speed, below which the hand has not begun: a usual criterion
+FASTEST_M_S = 2.5  # between two samples; hands are slower, so a higher speed is a tracking error
 OPEN = "has no obstacles"  # reason for leaving out a reach
 
 
 class SceneReachParameters(Parameters):
-    """Cutting of reaches. Fields: `stages/tasks/params.yaml`, `defaults.obstacles.reaches`."""
+    """Cutting of reaches. Fields: `defaults.obstacles.reaches`."""
 
     smoothing_hz: float = Field(gt=0, le=45)
-    onset_share: float = Field(gt=0, lt=1)
-    fastest_m_s: float = Field(gt=0)
     longest_s: float = Field(gt=0)
     samples: int = Field(ge=20, le=2000)
 
 
 class SceneLearningParameters(Parameters):
-    """Learning to reach through scenes. Fields: `stages/tasks/params.yaml`, `defaults.obstacles`."""
+    """Learning to reach through scenes. Fields: `defaults.obstacles`."""
 
     tuned_on: tuple[str, ...]
     ignored: tuple[str, ...]
@@ -42,16 +42,11 @@ class SceneLearningParameters(Parameters):
     reaches: SceneReachParameters
     folds: int = Field(ge=2)
     hand_radius_m: float = Field(gt=0)
-    straight_share: float = Field(gt=0, lt=1)
     keep_every: PositiveInt
     cloud_count: int = Field(ge=6)
     look_ahead: LookAheadParameters
     network: EnsembleParameters
-    return_stiffness: float = Field(ge=0)
-    end_limit_m: float = Field(gt=0)
-    return_coupling: float = Field(ge=0)
-    text_network: NetworkParameters
-    text_decay_per_m2: float = Field(ge=0)
+    published_network: NetworkParameters
 
 
 @dataclass(frozen=True)
@@ -128,15 +123,15 @@ def _reach(run: Demonstration, parameters: SceneLearningParameters) -> SceneReac
         if begins >= ends:
             return "does not move before it ends"
         before = speed[: begins + 1]
-        slow = np.flatnonzero(before < cutting.onset_share * speed[begins : ends + 1].max())
+        slow = np.flatnonzero(before < ONSET_SHARE * speed[begins : ends + 1].max())
         part = slice(int(slow[-1]) if len(slow) else int(before.argmin()), ends + 1)
     else:
-        moving = np.flatnonzero(speed >= cutting.onset_share * speed.max())
+        moving = np.flatnonzero(speed >= ONSET_SHARE * speed.max())
         part = slice(max(int(moving[0]) - 1, 0), int(moving[-1]) + 2)
     time = run.time[part]
     duration = float(time[-1] - time[0])
     jump = np.linalg.norm(np.diff(run.position[part], axis=0), axis=1).max() / run.dt
-    if jump > cutting.fastest_m_s:
+    if jump > FASTEST_M_S:
         return f"tracking jumps, {jump:.1f} m/s"
     if duration > cutting.longest_s:
         return f"takes {duration:.1f} s"

@@ -2,6 +2,7 @@
 
 Every file is published (`structlearn.core.publication`): it is complete or absent. Writers are deterministic:
 equal data give equal bytes. Tables and arrays carry checksums, so that damage is detected on reading.
+pandas and Arrow load with the first table: a robot's computer has neither, and reads skills only.
 """
 
 import hashlib
@@ -10,35 +11,40 @@ import math
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
-import pandas as pd
-import pyarrow
-import pyarrow.parquet
 from safetensors import SafetensorError, safe_open
 from safetensors.numpy import load_file, save
 
 from structlearn.core.errors import InputError
-from structlearn.core.publication import publish
+from structlearn.core.publication import publish as publish
 from structlearn.core.reading import require_file
+
+if TYPE_CHECKING:
+    import pandas as pd
+    import pyarrow
 
 Metrics = dict[str, float | int | str | bool | None]  # flat key figures
 
 
-def write_table(frame: pd.DataFrame, target: str | Path) -> None:
+def write_table(frame: "pd.DataFrame", target: str | Path) -> None:
     """Publish a table as Parquet, without pandas' index and without versions in its metadata."""
+    import pyarrow
+
     write_arrow(pyarrow.Table.from_pandas(frame, preserve_index=False).replace_schema_metadata(None), target)
 
 
-def write_arrow(table: pyarrow.Table, target: str | Path, **encoding: Any) -> None:
+def write_arrow(table: "pyarrow.Table", target: str | Path, **encoding: Any) -> None:
     """Publish an Arrow table as Parquet with page checksums; a digest covers its schema and metadata."""
+    import pyarrow.parquet
+
     signed = table.replace_schema_metadata({**(table.schema.metadata or {}), HEADINGS: _headings(table)})
     with publish(target) as path:
         pyarrow.parquet.write_table(signed, path, compression="zstd", write_page_checksum=True, **encoding)
 
 
-def read_table(path: str | Path, needed: Sequence[str] = ()) -> pd.DataFrame:
+def read_table(path: str | Path, needed: Sequence[str] = ()) -> "pd.DataFrame":
     """Read a Parquet table.
 
     Raises InputError: the file is missing, truncated, of another kind or altered, or lacks a column that is
@@ -50,8 +56,10 @@ def read_table(path: str | Path, needed: Sequence[str] = ()) -> pd.DataFrame:
     return table.to_pandas()
 
 
-def read_arrow(path: str | Path) -> pyarrow.Table:
+def read_arrow(path: str | Path) -> "pyarrow.Table":
     """Read an Arrow table of `write_arrow` or `write_table`. Raises InputError: it is damaged."""
+    import pyarrow.parquet
+
     damaged = (pyarrow.ArrowException, OSError, UnicodeDecodeError)  # the last two: pages, names of columns
     with (
         _readable(path, "readable Parquet", *damaged, whole=False),
@@ -63,7 +71,7 @@ def read_arrow(path: str | Path) -> pyarrow.Table:
     return table
 
 
-def _in_order(metadata: pyarrow.parquet.FileMetaData) -> bool:
+def _in_order(metadata: "pyarrow.parquet.FileMetaData") -> bool:
     """Whether the footer lists the pages of all columns as they lie in the file: no checksum covers it."""
     columns, groups = range(metadata.num_columns), range(metadata.num_row_groups)
     chunks = [metadata.row_group(group).column(column) for group in groups for column in columns]
@@ -75,7 +83,7 @@ def _in_order(metadata: pyarrow.parquet.FileMetaData) -> bool:
 HEADINGS = b"columns sha256"
 
 
-def _headings(table: pyarrow.Table) -> bytes:
+def _headings(table: "pyarrow.Table") -> bytes:
     """Digest of everything outside the pages' checksums: names and types of columns, rows, metadata."""
     schema = table.schema.remove_metadata()
     digest = hashlib.sha256(f"{schema.to_string()}\n{table.num_rows}".encode())
@@ -190,19 +198,21 @@ def read_metrics(path: str | Path) -> Metrics:
     Raises InputError: the file is missing or is not JSON with names and values.
     """
     with _readable(path, "JSON", ValueError, RecursionError):  # also for binary files and huge numbers
-        found = json.loads(Path(path).read_text())
-    if not isinstance(found, dict):
+        metrics = json.loads(Path(path).read_text())
+    if not isinstance(metrics, dict):
         raise InputError(f"{path}: not a JSON file of names and values")
-    return found
+    return metrics
 
 
-def write_csv(frame: pd.DataFrame, target: str | Path) -> None:
+def write_csv(frame: "pd.DataFrame", target: str | Path) -> None:
     """Publish a table as CSV for people: no index, six significant digits."""
     with publish(target) as path:
         frame.to_csv(path, index=False, float_format="%.6g", lineterminator="\n")
 
 
-def read_csv(path: str | Path, **options: Any) -> pd.DataFrame:
+def read_csv(path: str | Path, **options: Any) -> "pd.DataFrame":
     """Read a CSV table with options of pandas' reader. Raises InputError: it is missing or no table."""
+    import pandas as pd
+
     with _readable(path, "table", ValueError):  # no text, no columns, or rows of different lengths
         return pd.read_csv(path, **options)

@@ -21,7 +21,7 @@ from functools import partial
 from pathlib import Path
 from typing import Any
 
-import numba
+import numba as numba
 import numpy as np
 from numba.core.caching import UserProvidedCacheLocator
 from numba.core.event import Event, Listener, register
@@ -130,6 +130,6 @@ compile than a function with many arrays."""
 
 
 @numba.njit(cache=True, inline="always")
-def cross(a: np.ndarray | tuple, b: np.ndarray | tuple) -> tuple:
+def cross(a: np.ndarray | tuple[Any, ...], b: np.ndarray | tuple[Any, ...]) -> tuple[Any, ...]:
     """Cross product of two 3-vectors, faster than a call of linear algebra."""
     return a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]

@@ -17,7 +17,7 @@ from concurrent.futures.process import BrokenProcessPool
 from contextlib import suppress
 from functools import partial
 from ipaddress import ip_address
-from typing import TYPE_CHECKING, TypeVar
+from typing import TYPE_CHECKING, Any, TypeVar
 from urllib.parse import urlsplit
 
 from threadpoolctl import threadpool_limits
@@ -72,7 +72,7 @@ def parallel_map(
         def take(places: Iterable[int]) -> None:
             """Store the results of items, except those whose process died."""
             pool, death, check = _cluster() if backend == "dask" and not local else _machine()
-            running: dict[Future, int] = {}
+            running: dict[Future[Any], int] = {}
             try:
                 with suppress(death):  # a broken pool accepts no more items
                     for place in places:
@@ -107,7 +107,7 @@ Workplace = tuple[Executor, type[Exception], Callable[[], None]]
 """Where items run, the error if one's process has died, and a check that more results can come."""
 
 
-def _completed(running: Iterable[Future], check: Callable[[], None]) -> Iterator[Future]:
+def _completed(running: Iterable[Future[Any]], check: Callable[[], None]) -> Iterator[Future[Any]]:
     """Futures as they complete, with a check every `CHECK_S`."""
     left = set(running)
     while left:

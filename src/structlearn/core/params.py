@@ -40,7 +40,7 @@ class Parameters(BaseModel):
     def _no_truth_value_is_a_number(cls, value: Any, info: ValidationInfo) -> Any:
         """Reject booleans for numbers: YAML reads `yes` and `on` as true, and pydantic would take 1."""
         numbers = (value, *value) if isinstance(value, list | tuple) else (value,)
-        if any(isinstance(one, bool) for one in numbers):
+        if any(isinstance(number, bool) for number in numbers):
             assert info.field_name is not None  # a validator of fields, not of the model
             allowed = str(cls.model_fields[info.field_name].annotation)
             if "bool" not in allowed and "Any" not in allowed:
@@ -177,7 +177,9 @@ class _Loader(getattr(yaml, "CSafeLoader", yaml.SafeLoader)):  # type: ignore[mi
         seen: set[str] = set()
         for key in (key for key, _ in node.value if isinstance(key, yaml.ScalarNode)):
             if key.value in seen:
-                raise _DuplicateKeyError(f"key '{key.value}' stands twice (line {key.start_mark.line + 1})")
+                raise _DuplicateKeyError(
+                    f"key '{key.value}' is defined twice (line {key.start_mark.line + 1})"
+                )
             seen.add(key.value)
         return super().construct_mapping(node, deep)
 
@@ -215,7 +217,7 @@ class Population(Parameters):
         for name in ("tuning", "test"):
             seeds = getattr(self, name)
             if len(set(seeds)) < len(seeds):
-                raise ValueError(f"a seed of `{name}` stands twice: {seeds}")
+                raise ValueError(f"a seed of `{name}` is defined twice: {seeds}")
         if shared := sorted(set(self.tuning) & set(self.test)):
             raise ValueError(f"seeds {shared} are in `tuning` and in `test`: nothing may be judged on them")
         return self

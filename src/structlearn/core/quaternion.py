@@ -5,6 +5,8 @@ broadcast like numpy. The dissertation's `log` is half the rotation vector; `log
 convention, and `rotation_vector` / `from_rotation_vector` use the full vector.
 """
 
+from typing import Any
+
 import numpy as np
 
 IDENTITY = np.array([1.0, 0.0, 0.0, 0.0])
@@ -20,7 +22,7 @@ Components = np.ndarray | tuple[float, float, float, float]
 """Components of a quaternion; compiled functions use tuples, which unlike arrays need no allocation."""
 
 
-def product_components(a: Components, b: Components) -> tuple:
+def product_components(a: Components, b: Components) -> tuple[Any, ...]:
     """Components of the Hamilton product of (4, ...) quaternions; also compiled by numba."""
     return (
         a[0] * b[0] - a[1] * b[1] - a[2] * b[2] - a[3] * b[3],

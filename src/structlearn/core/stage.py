@@ -60,8 +60,11 @@ def run(main: Callable[[], None], stage: bool = True) -> None:
     """
     try:
         require_own_packages()
-        with _alone():
-            timed(watched(_started_s())(main) if stage else main)
+        if stage:
+            with _alone():
+                timed(watched(_started_s())(main))
+        else:
+            timed(main)
     except InputError as error:
         print(f"error: {error}", file=sys.stderr)
         sys.exit(1)
@@ -74,11 +77,6 @@ def run(main: Callable[[], None], stage: bool = True) -> None:
 def _alone() -> Iterator[None]:
     """Lock the stage (of its task, if it has one) against other processes in this folder."""
     script, *words = sys.argv
-    package, path = Path(__file__).parents[1], Path(script).resolve()
-    in_package = path.is_relative_to(package) and path.parent.name != "stages"
-    if in_package or path.name == package.name:  # a command of the package, or the program `structlearn`
-        yield
-        return
     words = words or [os.environ.get(RUN_BY_DVC, "").partition("@")[2]]
     name = re.sub(r"\W+", "-", " ".join([os.path.relpath(script), *words])).strip("-")
     lock = Path(f".running-{name[-100:]}")

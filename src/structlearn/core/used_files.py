@@ -18,16 +18,9 @@ from typing import Any
 
 from structlearn.core.errors import InputError
 
-PACKAGE = Path(__file__).parents[1]
-TEMPLATES = (
-    ".jinja",
-    ".css",
-    ".js",
-)  # read by the template engine; YAML files are remembered by their reader
+TEMPLATES = (".jinja", ".css", ".js")  # of the template engine; YAML files are remembered by their reader
 WORKSPACE = ".publish-"  # begins names of the folders in which `publish` writes
-COMPARED = (
-    2**20
-)  # bytes; digesting takes a millisecond at most. Larger files are compared by time, size, inode
+COMPARED = 2**20  # bytes, digested in a millisecond at most; larger files are compared by time, size, inode
 TICK_S = 0.02  # steps of the clocks; an interpreter starts no faster
 _MODIFIED = object()  # differs from every content
 
@@ -137,16 +130,32 @@ def _content(path: Path) -> bytes | None:
 
 
 def _sources() -> dict[str, _Used]:
-    """All code and templates of the package, and scripts beside this one: some are loaded later."""
+    """All code and templates of our packages, and scripts beside this one: some are loaded later."""
     script = Path(os.path.abspath(sys.argv[0]))
     beside = script.parent.glob("*.py") if script.suffix == ".py" else ()
     below = (
         Path(folder, name)
-        for folder, _, names in os.walk(PACKAGE)
+        for package in _packages()
+        for folder, _, names in os.walk(package)
         for name in names
         if name.endswith((".py", *TEMPLATES))
     )
     return {str(path): _used(path) for path in (*beside, *below)}
+
+
+def _packages() -> list[str]:
+    """Folders of this package and of those loaded from beside a project, not installed."""
+    loaded = (
+        folder for name, module in sys.modules.items() if "." not in name for folder in _folders(module)
+    )
+    own = str(Path(__file__).parents[1])
+    installed = (sys.prefix, sys.base_prefix)
+    return [own, *(folder for folder in loaded if folder != own and not folder.startswith(installed))]
+
+
+def _folders(module: object) -> list[str]:
+    folders = getattr(module, "__path__", ())
+    return [folder for folder in folders if isinstance(folder, str) and "-packages" not in folder]
 
 
 def _loaded() -> Iterator[_Used]:

@@ -3,9 +3,6 @@ from .coupling_dataset import CouplingDataset as CouplingDataset, leave_one_out 
 from .coupling_model import (
     Compiled as Compiled,
     CouplingModel as CouplingModel,
-    NetworkParameters as NetworkParameters,
-    Trained as Trained,
-    TrainingParameters as TrainingParameters,
     kernel as kernel,
     read_networks as read_networks,
     write_networks as write_networks,
@@ -21,4 +18,9 @@ from .skill_file import (
     read_provenance as read_provenance,
     read_skill as read_skill,
     write_skill as write_skill,
+)
+from .trainers import (
+    FeedbackNetworkParameters as FeedbackNetworkParameters,
+    Trained as Trained,
+    TrainingParameters as TrainingParameters,
 )

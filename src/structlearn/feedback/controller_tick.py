@@ -10,19 +10,21 @@ from typing import NamedTuple
 import numpy as np
 
 from structlearn.core.compilation import numba
-from structlearn.feedback.coupling_model import evaluate
+from structlearn.core.compiled_calls import call
 from structlearn.primitives import orientation, transformation
 from structlearn.primitives.vector import OFFSET_SAMPLES
 
 REJECTED, WAITING, NO_OFFSET, STALE, SATURATED, RATE_LIMITED = (1 << bit for bit in range(6))
 
 ROW, PRIMITIVE, TICK, SAMPLE_TICK, SAMPLE_COUNT = range(5)
-"""Indices in the clock: due row of the plan, due primitive, number of this tick, tick of the last good sensor
-sample, and number of good samples in the offset."""
+"""Indices in the clock: due row of the plan, due primitive, number of this tick, tick of the last valid
+sensor sample, and number of valid samples in the offset."""
 
 
 _part_of_a_tick = numba.njit(cache=True, forceinline=True)
 """Inlines a function: passing a plan and a state costs more than many of these functions."""
+
+Arrays = tuple[np.ndarray, ...]  # a `Plan` or a `State` as a plain tuple, which numba dispatches faster
 
 
 class Plan(NamedTuple):
@@ -42,9 +44,9 @@ class Plan(NamedTuple):
     sizes: np.ndarray  # (P, D, S), see `coupling_model.Compiled`
     values: np.ndarray  # (P, D, V), likewise
     memory: np.ndarray  # (P, D) number of values they remember
-    table: np.ndarray  # (R, D, K) `CouplingModel.table`
+    time_features: np.ndarray  # (R, D, K) `CouplingModel.time_features`
     limits: np.ndarray  # (2, D) bounds of the coupling, and of its change per tick
-    ages: np.ndarray  # (2,) ticks until the offset must be known, and until a sample is stale
+    timeouts: np.ndarray  # (2,) ticks until the offset must be known, and until a sample is stale
 
 
 class State(NamedTuple):
@@ -57,13 +59,13 @@ class State(NamedTuple):
     remaining: np.ndarray  # (1, 3) rotation vector from the steady to the evolving goal
     coupling: np.ndarray  # (D,) c on each axis
     sample: np.ndarray  # (E,) newest sensor sample
-    good: np.ndarray  # (E,) newest good sensor sample
-    zero: np.ndarray  # (E,) offset of the run: mean of the first samples, complete after `OFFSET_SAMPLES`
-    deviation: np.ndarray  # (E,) good - zero - expected
+    last_valid: np.ndarray  # (E,) newest valid sensor sample
+    sensor_offset: np.ndarray  # (E,) mean of the first samples of the run, complete after `OFFSET_SAMPLES`
+    deviation: np.ndarray  # (E,) last_valid - sensor_offset - expected
     path: np.ndarray  # (3, 1, 1, 3) output: position, velocity, acceleration
     orientation: np.ndarray  # (1, 1, 4) output
     turning: np.ndarray  # (2, 1, 1, 3) output: angular velocity, angular acceleration
-    held: np.ndarray  # (2, 1, 3) coupling vectors of position and orientation; 0 except on the axes
+    coupling_vector: np.ndarray  # (2, 1, 3) c of position and orientation; 0 except on the axes
     memory: np.ndarray  # (D, M) memory of the networks
 
 
@@ -79,33 +81,33 @@ def resting_state(plan: Plan) -> State:
         remaining=np.zeros((1, 3)),
         coupling=np.zeros(len(plan.axes)),
         sample=np.full(channels, np.nan),
-        good=np.zeros(channels),
-        zero=np.zeros(channels),
+        last_valid=np.zeros(channels),
+        sensor_offset=np.zeros(channels),
         deviation=np.full(channels, np.nan),
         path=np.zeros((3, 1, 1, 3)),
         orientation=turned[None].copy(),
         turning=np.zeros((2, 1, 1, 3)),
-        held=np.zeros((2, 1, 3)),
+        coupling_vector=np.zeros((2, 1, 3)),
         memory=np.zeros((len(plan.axes), plan.memory.max(initial=0))),
     )
 
 
-def no_plan() -> tuple[tuple, tuple]:
+def no_plan() -> tuple[Arrays, Arrays]:
     """Plan and state without primitives as plain tuples, for compiled loops that may run without a skill."""
     shapes: dict[str, tuple[int, ...]] = dict.fromkeys(Plan._fields, (0, 0))
-    shapes |= {"rows": (1,), "tau": (0,), "axes": (0,), "ages": (2,)}
+    shapes |= {"rows": (1,), "tau": (0,), "axes": (0,), "timeouts": (2,)}
     shapes |= {"matrix": (0, 3, 5), "position_goal": (0, 3), "orientation_goal": (0, 4), "limits": (2, 0)}
     shapes |= {"position_forcing": (0, 3), "orientation_forcing": (0, 3)}
-    shapes |= dict.fromkeys(("sizes", "values", "table"), (0, 0, 0))
-    whole = {"rows", "axes", "kernels", "inputs", "sizes", "memory", "ages"}
+    shapes |= dict.fromkeys(("sizes", "values", "time_features"), (0, 0, 0))
+    integers = {"rows", "axes", "kernels", "inputs", "sizes", "memory", "timeouts"}
     plan = Plan(
-        **{name: np.zeros(shapes[name], np.int64 if name in whole else float) for name in Plan._fields}
+        **{name: np.zeros(shapes[name], np.int64 if name in integers else float) for name in Plan._fields}
     )
     return tuple(plan), tuple(resting_state(plan))
 
 
 @numba.njit(cache=True)
-def begin(plan_arrays: tuple, state_arrays: tuple, primitive: int) -> None:
+def begin(plan_arrays: Arrays, state_arrays: Arrays, primitive: int) -> None:
     """Start a primitive in the current output state (eq. IV.12-14)."""
     plan, state = Plan(*plan_arrays), State(*state_arrays)
     row, tau = plan.rows[primitive], plan.tau[primitive]
@@ -130,10 +132,9 @@ def begin(plan_arrays: tuple, state_arrays: tuple, primitive: int) -> None:
 
 
 @numba.njit(cache=True)
-def tick(plan_arrays: tuple, state_arrays: tuple, fresh: bool) -> int:
+def tick(plan_arrays: Arrays, state_arrays: Arrays, fresh: bool) -> int:
     """Write the due sample to the outputs and step to the next one; return the status flags.
 
-    `plan_arrays`, `state_arrays`: a `Plan` and a `State` as plain tuples (which numba dispatches faster).
     `fresh`: whether `sample` holds a new sensor sample.
     """
     plan, state = Plan(*plan_arrays), State(*state_arrays)
@@ -150,28 +151,28 @@ def tick(plan_arrays: tuple, state_arrays: tuple, fresh: bool) -> int:
 
 @_part_of_a_tick
 def _receive(plan: Plan, state: State, fresh: bool) -> int:
-    """Take over a good sensor sample, and return flags for the sensor's problems."""
+    """Take over a valid sensor sample, and return flags for the sensor's problems."""
     channels, clock, flags = len(state.sample), state.clock, 0
     if channels == 0:
         return flags
-    in_time = clock[TICK] <= plan.ages[0]
+    in_time = clock[TICK] <= plan.timeouts[0]
     for_offset = in_time and clock[SAMPLE_COUNT] < OFFSET_SAMPLES
     if fresh:
-        good = True
+        valid = True
         for i in range(channels):
-            good &= np.isfinite(state.sample[i])
-        if good:
+            valid &= np.isfinite(state.sample[i])
+        if valid:
             clock[SAMPLE_TICK] = clock[TICK]
             clock[SAMPLE_COUNT] += for_offset
             for i in range(channels):
-                state.good[i] = state.sample[i]
+                state.last_valid[i] = state.sample[i]
                 if for_offset:
-                    state.zero[i] += state.sample[i] / OFFSET_SAMPLES
+                    state.sensor_offset[i] += state.sample[i] / OFFSET_SAMPLES
         else:
             flags |= REJECTED
     if clock[SAMPLE_COUNT] < OFFSET_SAMPLES:
         flags |= WAITING if in_time else NO_OFFSET
-    if clock[TICK] - clock[SAMPLE_TICK] > plan.ages[1]:
+    if clock[TICK] - clock[SAMPLE_TICK] > plan.timeouts[1]:
         flags |= STALE
     return flags
 
@@ -183,25 +184,32 @@ def _sample(plan: Plan, state: State, sensor_flags: int) -> int:
     last = primitive == len(plan.tau) - 1
     following = min(row + 1, plan.rows[primitive + 1] - 1)
     for i in range(len(state.sample)):
-        state.deviation[i] = state.good[i] - state.zero[i] - plan.expected[row, i]
+        state.deviation[i] = state.last_valid[i] - state.sensor_offset[i] - plan.expected[row, i]
     if sensor_flags & (WAITING | NO_OFFSET):
         state.deviation[:] = np.nan
     flags = 0
     for place in range(len(plan.axes)):
         wanted = _coupling(plan, state, row, primitive, place, sensor_flags)
         axis = plan.axes[place]
-        state.held[axis // 3, 0, axis % 3], fault = _bounded(plan, state, place, wanted)
+        state.coupling_vector[axis // 3, 0, axis % 3], fault = _bounded(plan, state, place, wanted)
         flags |= fault
     matrix, tau = plan.matrix[primitive], plan.tau[primitive]
     goal, turned_goal = plan.position_goal[primitive], plan.orientation_goal[primitive]
     forcing = plan.position_forcing[row : following + 1].reshape(1, -1, 3)
     turning = plan.orientation_forcing[row : following + 1].reshape(1, -1, 3)
     transformation.step_batch(
-        0, matrix, tau, goal.reshape(1, 3), state.point, forcing, state.held[0], state.path
+        0, matrix, tau, goal.reshape(1, 3), state.point, forcing, state.coupling_vector[0], state.path
     )
     turn = (state.turned, state.rate, state.remaining)
     orientation.step_batch(
-        0, matrix, *turn, turning, turned_goal.reshape(1, 4), state.held[1], state.orientation, state.turning
+        0,
+        matrix,
+        *turn,
+        turning,
+        turned_goal.reshape(1, 4),
+        state.coupling_vector[1],
+        state.orientation,
+        state.turning,
     )
     for d in range(3):
         state.turning[0, 0, 0, d] /= tau
@@ -218,7 +226,7 @@ def _coupling(plan: Plan, state: State, row: int, primitive: int, place: int, se
     if kernel == 0 or (plan.inputs[primitive, place] > 0 and blind):
         return 0.0
     sizes, values = plan.sizes[primitive, place], plan.values[primitive, place]
-    return evaluate(kernel, sizes, values, plan.table[row, place], state.deviation, state.memory[place])
+    return call(kernel, sizes, values, plan.time_features[row, place], state.deviation, state.memory[place])
 
 
 @_part_of_a_tick

@@ -3,7 +3,7 @@
     r = R c        error = rms (R c - r_cd)
 
 A primitive with c_target as its coupling term reproduces the demonstration (`coupling`), so r_cd follows from
-the coupling dataset. `stacked_pmnn` is trained to follow such paths.
+the coupling dataset. `training.pmnn` trains a network to follow such paths.
 
 The transformation system is linear in c, so a coupling term (held over each step) adds a sum of responses to
 a movement. These depend on dt / tau alone: with T samples in normalised time, all movements share one matrix,
@@ -31,7 +31,7 @@ from structlearn.feedback.coupling_dataset import CouplingDataset
 from structlearn.feedback.coupling_model import CouplingModel
 from structlearn.primitives import canonical, transformation
 from structlearn.primitives.transformation import ALPHA, BETA, step_matrix
-from structlearn.readers.source import setting_label
+from structlearn.readers.source_parameters import setting_label
 
 PHASE_TOLERANCE = 0.02
 """Largest difference of a demonstration's phase from that of a uniform movement from start to end."""
@@ -76,14 +76,14 @@ def corrected_paths(dataset: CouplingDataset, samples: int) -> CorrectedPaths:
     end of the primitive.
     """
     keys = sorted(set(zip(dataset.setting.tolist(), dataset.demonstration.tolist(), strict=True)))
-    found = []
+    normalised = []
     for setting, number in keys:
         chosen = np.flatnonzero((dataset.setting == setting) & (dataset.demonstration == number))
         rows = dataset.where(chosen[np.argsort(dataset.time[chosen], kind="stable")])
         _check_whole_movement(rows, f"setting {setting_label(setting)}, demonstration {number}")
         columns = np.column_stack([rows.target, _correction(rows.target), rows.deviation])
-        found.append(time_normalised(columns, samples))
-    paths = np.array(found)  # (L, T, 2 + D)
+        normalised.append(time_normalised(columns, samples))
+    paths = np.array(normalised)  # (L, T, 2 + D)
     return CorrectedPaths(
         deviation=paths[..., 2:],
         target=paths[..., 0],

@@ -85,8 +85,8 @@ def from_axes_table(table: pd.DataFrame) -> dict[Axis, CouplingDataset]:
     axes = [axis for axis in AXES if f"target_{axis}" in table.columns]
     if not axes:
         raise KeyError("target_<axis>")
-    one = _dataset(table, "setting", f"target_{axes[0]}")
-    return {axis: replace(one, target=table[f"target_{axis}"].to_numpy(float)) for axis in axes}
+    first = _dataset(table, "setting", f"target_{axes[0]}")
+    return {axis: replace(first, target=table[f"target_{axis}"].to_numpy(float)) for axis in axes}
 
 
 def _table(

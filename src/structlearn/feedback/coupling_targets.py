@@ -24,7 +24,7 @@ from structlearn.primitives.orientation import QuaternionPrimitive
 from structlearn.primitives.sequence import PosePrimitive
 from structlearn.primitives.trajectory import (
     OrientationTrajectory,
-    Path,
+    PathBase,
     Trajectory,
     differentiated,
     differentiated_orientation,
@@ -103,7 +103,7 @@ def learn_expected(
     `smoothing_hz`: low-pass of the traces; 25 kernels resolve about 12 / duration. Returns per primitive a
     vector primitive with one dimension per channel. Raises InputError: a run lacks a sensor's stream.
     """
-    traces = {run.name: without_offset(felt(run, sensors)) for run in runs}
+    traces = {run.name: without_offset(sensor_readings(run, sensors)) for run in runs}
     return {
         name: fit_expected_traces(
             [_part(traces[run.name], run, table.loc[run.name]) for run in runs if run.name in table.index],
@@ -164,7 +164,7 @@ def executed_primitive(
     `run`: the whole run, because the sensors' offset is taken at its start. `cut`: `start_s` and `end_s`.
     Raises InputError: a sensor's stream is missing, or has other channels than the expected traces.
     """
-    trace = _part(without_offset(felt(run, sensors)), run, cut)
+    trace = _part(without_offset(sensor_readings(run, sensors)), run, cut)
     if trace.shape[1] != len(expected.start):
         raise InputError(
             f"{run.name}: has {trace.shape[1]} channels of {' and '.join(sensors)}, the expected traces have "
@@ -173,7 +173,7 @@ def executed_primitive(
     return run.dt * np.arange(len(trace)), deviation(expected, trace, run.dt)
 
 
-def felt(run: Demonstration, sensors: Sequence[Sensor]) -> np.ndarray:
+def sensor_readings(run: Demonstration, sensors: Sequence[Sensor]) -> np.ndarray:
     """Sensor readings (T, D) of a run, side by side. Raises InputError: a sensor was not recorded."""
     for sensor in sensors:
         if getattr(run, sensor) is None:
@@ -252,10 +252,10 @@ def coupling_samples(
     corrected: CorrectedPrimitive, setting: float | str, number: int, parameters: CorrectionParameters
 ) -> dict[Axis, CouplingDataset]:
     """Supervised data of each axis from one corrected primitive; `setting`: in degrees, or a label."""
-    felt = corrected.time, corrected.deviation, corrected.groups
-    whole = _samples(*felt, (setting, number), parameters.rate_hz)
+    readings = corrected.time, corrected.deviation, corrected.groups
+    uncorrected = _samples(*readings, (setting, number), parameters.rate_hz)
     targets = corrected.target[thinned(corrected.time, parameters.rate_hz)]
-    return {axis: replace(whole, target=targets[:, AXES.index(axis)]) for axis in parameters.axes}
+    return {axis: replace(uncorrected, target=targets[:, AXES.index(axis)]) for axis in parameters.axes}
 
 
 def level_dataset(
@@ -303,28 +303,28 @@ def _checks(
     axes: Sequence[Axis],
 ) -> dict[str, float]:
     """Consistency checks of one demonstration, see `coupling_dataset`."""
-    found, (point, turn), target = {}, (corrected.point, corrected.turn), corrected.target
+    checks, (point, turn), target = {}, (corrected.point, corrected.turn), corrected.target
     chosen = np.isin(AXES, axes)
     kept = np.where(chosen, target, 0.0)
     if turn is not None and primitive.orientation is not None and run.orientation is not None:
         again = _repeated(primitive.orientation, turn, turn.orientation[0], kept[:, 3:])
         distance = quaternion.angle_between(again.orientation, turn.orientation)
         smoothing = quaternion.angle_between(turn.orientation, _part(run.orientation, run, cut))
-        found["reproduction_deg"] = float(np.degrees(distance.max()))
-        found["smoothing_deg"] = float(np.degrees(np.sqrt(np.mean(smoothing**2))))
-        found["others"] = _others(target[:, 3:], chosen[3:])
+        checks["reproduction_deg"] = float(np.degrees(distance.max()))
+        checks["smoothing_deg"] = float(np.degrees(np.sqrt(np.mean(smoothing**2))))
+        checks["others"] = _others(target[:, 3:], chosen[3:])
     if point is not None:
         frame = local_frame(point.position[0], primitive.position.goal, primitive.position.frame)
         moved = _repeated(primitive.position, point, point.position[0], kept[:, :3] @ frame)
         distance = np.linalg.norm(moved.position - point.position, axis=1)
         smoothing = np.linalg.norm(point.position - _part(run.position, run, cut), axis=1)
-        found["reproduction_m"] = float(distance.max())
-        found["smoothing_m"] = float(np.sqrt(np.mean(smoothing**2)))
-        found["others_position"] = _others(target[:, :3], chosen[:3])
-    return found
+        checks["reproduction_m"] = float(distance.max())
+        checks["smoothing_m"] = float(np.sqrt(np.mean(smoothing**2)))
+        checks["others_position"] = _others(target[:, :3], chosen[:3])
+    return checks
 
 
-def _repeated(primitive: Any, path: Path, start: np.ndarray, coupling: np.ndarray) -> Any:
+def _repeated(primitive: Any, path: PathBase, start: np.ndarray, coupling: np.ndarray) -> Any:
     """The primitive unrolled from the initial state of a path, with a coupling term (T, 3) over time."""
     velocity, acceleration = (rate[0] for rate in path.rates)
     return primitive.unroll(

@@ -83,7 +83,7 @@ def plan_in_time(
         expected=expected,
         axes=np.array([AXES.index(axis) for axis in axes], dtype=np.int64),
         limits=limits.of(axes, dt),
-        ages=np.array([round(limits.offset_within_s * rate_hz), round(limits.stale_after_s * rate_hz)]),
+        timeouts=np.array([round(limits.offset_within_s * rate_hz), round(limits.stale_after_s * rate_hz)]),
         **compiled_networks(networks, phases, len(axes)),
     )
 
@@ -93,26 +93,27 @@ def compiled_networks(
 ) -> dict[str, np.ndarray]:
     """The networks' fields of a `Plan`; `phases`: p and u (T_i,) per primitive."""
     rows = np.cumsum([0, *(len(p) for p, _ in phases)])
-    tables = {place: network.table(*phases[place[0]]) for place, network in networks.items()}
-    table = np.zeros((rows[-1], axes, max((one.shape[1] for one in tables.values()), default=0)))
-    for (index, place), own in tables.items():
-        table[rows[index] : rows[index + 1], place, : own.shape[1]] = own
+    features = {place: network.time_features(*phases[place[0]]) for place, network in networks.items()}
+    widest = max((own.shape[1] for own in features.values()), default=0)
+    time_features = np.zeros((rows[-1], axes, widest))
+    for (index, axis), own in features.items():
+        time_features[rows[index] : rows[index + 1], axis, : own.shape[1]] = own
 
-    def padded(found: Sequence[Sequence[float] | np.ndarray], kind: type = np.int64) -> np.ndarray:
+    def padded(arrays: Sequence[Sequence[float] | np.ndarray], kind: type = np.int64) -> np.ndarray:
         """Values of each network, of any length, as (P, D, longest), zero-padded."""
-        values: np.ndarray = np.zeros((len(phases), axes, max([1, *map(len, found)])), dtype=kind)
-        for place, own in zip(networks, found, strict=True):
+        values: np.ndarray = np.zeros((len(phases), axes, max([1, *map(len, arrays)])), dtype=kind)
+        for place, own in zip(networks, arrays, strict=True):
             values[place][: len(own)] = own
         return values
 
     compiled = [network.compiled() for network in networks.values()]
     return {
-        "table": table,
+        "time_features": time_features,
         "kernels": padded([[network.kernel.address] for network in networks.values()])[..., 0],
         "inputs": padded([[network.inputs] for network in networks.values()])[..., 0],
-        "memory": padded([[one.memory] for one in compiled])[..., 0],
-        "sizes": padded([one.sizes for one in compiled]),
-        "values": padded([one.values for one in compiled], float),
+        "memory": padded([[arguments.memory] for arguments in compiled])[..., 0],
+        "sizes": padded([arguments.sizes for arguments in compiled]),
+        "values": padded([arguments.values for arguments in compiled], float),
     }
 
 
@@ -168,17 +169,17 @@ def checked_durations(skill: ReactiveSkill, durations: Sequence[float] | None, d
     """
     if durations is None:
         durations = [primitive.duration for primitive in skill.primitives]
-    found = []
+    checked = []
     for name, value in _of_primitives(skill, durations, "durations"):
         duration = float(real_numbers(value, (), f"the duration of '{name}' must be a number"))
         if not duration / dt > 0.5:  # else it has one sample
             raise InputError(f"the duration of '{name}' must be a tick at least, is {duration} s")
-        found.append(duration)
-    if sum(found) > MOST_TICKS * dt:
+        checked.append(duration)
+    if sum(checked) > MOST_TICKS * dt:
         raise InputError(
-            f"the run would have more than {MOST_TICKS} ticks: {sum(found):g} s at {1 / dt:g} Hz"
+            f"the run would have more than {MOST_TICKS} ticks: {sum(checked):g} s at {1 / dt:g} Hz"
         )
-    return found
+    return checked
 
 
 def checked_goals(skill: ReactiveSkill, goals: Sequence[PoseGoal] | None) -> list[PoseGoal]:
@@ -187,7 +188,7 @@ def checked_goals(skill: ReactiveSkill, goals: Sequence[PoseGoal] | None) -> lis
     Raises InputError: wrong number, not a `PoseGoal`, a value that is not finite, a position outside the
     workspace, or a quaternion as in `checked_unit`.
     """
-    found = []
+    checked = []
     goals = default_goals(skill.primitives) if goals is None else goals
     for index, (name, goal) in enumerate(_of_primitives(skill, goals, "goals")):
         if not isinstance(goal, PoseGoal):
@@ -195,8 +196,8 @@ def checked_goals(skill: ReactiveSkill, goals: Sequence[PoseGoal] | None) -> lis
         position = checked_point(skill, goal.position, f"the goal of '{name}'")
         turns = skill.primitives[index].orientation is not None
         turned = checked_goal_orientation(skill, goal.orientation, index) if turns else quaternion.IDENTITY
-        found.append(PoseGoal(position, turned))
-    return found
+        checked.append(PoseGoal(position, turned))
+    return checked
 
 
 def checked_point(skill: ReactiveSkill, position: np.ndarray, what: str) -> np.ndarray:
@@ -248,7 +249,7 @@ def _finite(values: np.ndarray | None, size: int, what: str) -> np.ndarray:
     return array
 
 
-def _of_primitives(skill: ReactiveSkill, values: Sequence, what: str) -> list[tuple[str, Any]]:
+def _of_primitives(skill: ReactiveSkill, values: Sequence[Any], what: str) -> list[tuple[str, Any]]:
     """Pairs (name of the primitive, value). Raises InputError: wrong number of values."""
     try:
         values = list(values)

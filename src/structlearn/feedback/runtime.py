@@ -14,6 +14,7 @@ terms are bounded in magnitude and rate of change and fade with the phase, so th
 
 from collections.abc import Sequence
 from enum import IntFlag
+from typing import Any
 
 import numpy as np
 
@@ -88,11 +89,11 @@ class Controller:
         self.orientation = _read_only(self._state.orientation[0, 0])
         self.deviation, self.coupling = _read_only(self._state.deviation), _read_only(self._state.coupling)
 
-    def __getstate__(self) -> tuple[tuple, list[np.ndarray], bool]:
+    def __getstate__(self) -> tuple[tuple[Any, ...], list[np.ndarray], bool]:
         """Enough to plan and continue the run elsewhere: addresses of compiled functions hold here only."""
         return self._planned, self._arrays(), self._started
 
-    def __setstate__(self, kept: tuple[tuple, list[np.ndarray], bool]) -> None:
+    def __setstate__(self, kept: tuple[tuple[Any, ...], list[np.ndarray], bool]) -> None:
         """Continue a run; copies and unpickled controllers are independent of the original."""
         planned, arrays, started = kept
         Controller.__init__(self, *planned)
@@ -125,7 +126,14 @@ class Controller:
         plan.position_forcing[:] = forcing  # the first change of state: nothing below can fail
         plan.position_goal[:] = goals
         plan.orientation_goal[:] = turned_goals if turned else orientation
-        for array in (state.clock, state.path, state.turning, state.zero, state.good, state.coupling):
+        for array in (
+            state.clock,
+            state.path,
+            state.turning,
+            state.sensor_offset,
+            state.last_valid,
+            state.coupling,
+        ):
             array[:] = 0
         state.path[0, 0, 0] = position
         state.orientation[0, 0] = orientation
@@ -210,7 +218,7 @@ class Controller:
         return offset + plan.position_goal[running], rate / tau, force / tau**2
 
     @property
-    def compiled(self) -> tuple[tuple, tuple]:
+    def compiled(self) -> tuple[controller_tick.Arrays, controller_tick.Arrays]:
         """Plan and state in the form of `controller_tick.tick`, for loops that are compiled as a whole.
 
         The plan has addresses of compiled functions: it is good for this process only.

@@ -24,7 +24,7 @@ TARGET_MARGIN = 1.5  # bound of a coupling term, relative to the largest demonst
 LARGEST_TURN, LARGEST_SHIFT = 40.0, ALPHA * BETA * 0.03
 """Default bounds in rad and m; a constant coupling at the bound turns by 15 degrees or shifts by 3 cm."""
 
-Coupling = Annotated[float, Field(gt=0, le=1e4)]  # a constant coupling of 1e4 would shift by 64 m
+CouplingBound = Annotated[float, Field(gt=0, le=1e4)]  # a constant coupling of 1e4 would shift by 64 m
 
 
 class FadingParameters(Parameters):
@@ -44,7 +44,7 @@ class Limits(FadingParameters):
 
     # bound of |c| by axis, m or rad; a constant c shifts or turns by c / (ALPHA BETA). `largest_coupling`
     # derives it from demonstrated coupling terms.
-    largest_coupling: dict[Axis, Coupling] = Field(
+    largest_coupling: dict[Axis, CouplingBound] = Field(
         default_factory=lambda: {axis: LARGEST_TURN if turns(axis) else LARGEST_SHIFT for axis in AXES}
     )
     fade_s: float = Field(default=0.05, gt=0, le=60)
@@ -70,7 +70,7 @@ def largest_coupling(targets: Sequence[np.ndarray]) -> float:
 
 def demonstrated_limits(targets: Mapping[Axis, Sequence[np.ndarray]], fading: FadingParameters) -> Limits:
     """Limits from the coupling terms demonstrated on each axis; axes without demonstrations have none."""
-    largest = {axis: largest_coupling(its) for axis, its in targets.items() if its}
+    largest = {axis: largest_coupling(terms) for axis, terms in targets.items() if terms}
     return Limits(largest_coupling=largest, **fading.model_dump(include=set(FadingParameters.model_fields)))
 
 
@@ -155,12 +155,12 @@ class ReactiveSkill:
                 if axis not in AXES:
                     raise InputError(f"'{name}' has a network for '{axis}', no axis among {', '.join(AXES)}")
                 if network.inputs and (expected is None or network.inputs != len(expected.start)):
-                    its = "there are no expected traces"
+                    but = "there are no expected traces"
                     if expected is not None:
-                        its = f"its expected traces have {len(expected.start)}"
-                    raise InputError(f"{what} takes {network.inputs} channels, but {its}")
-                if fault := network.fault():
-                    raise InputError(f"{what} {fault}")
+                        but = f"its expected traces have {len(expected.start)}"
+                    raise InputError(f"{what} takes {network.inputs} channels, but {but}")
+                if error := network.validation_error():
+                    raise InputError(f"{what} {error}")
         self.limits.of(self.axes, 1.0)
 
     @property

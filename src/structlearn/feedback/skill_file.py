@@ -20,7 +20,7 @@ from structlearn.core.errors import InputError
 from structlearn.core.params import checked
 from structlearn.core.reading import digest
 from structlearn.feedback.coupling import AXES, unit
-from structlearn.feedback.coupling_model import model_name, named_model
+from structlearn.feedback.coupling_model import module_name, named_model
 from structlearn.feedback.skill import FadingParameters, Limits, ReactiveSkill, Workspace
 from structlearn.primitives.primitive_files import (
     part,
@@ -76,7 +76,7 @@ def write_skill(skill: ReactiveSkill, path: str | Path, provenance: Mapping[str,
         tensors |= prefixed(f"expected.{name}", vector_tensors(traces))
     models = {}
     for name, by_axis in skill.networks.items():
-        models[name] = {axis: model_name(network) for axis, network in by_axis.items()}
+        models[name] = {axis: module_name(network) for axis, network in by_axis.items()}
         for axis, network in by_axis.items():
             tensors |= prefixed(f"networks.{name}.{axis}", network.arrays())
     description = {

@@ -17,7 +17,7 @@ from torch import Tensor
 
 from structlearn.core.errors import InputError
 from structlearn.feedback.coupling_dataset import Fold, stream
-from structlearn.feedback.coupling_model import Jobs, Model, Trained, TrainingParameters
+from structlearn.feedback.trainers import Jobs, Model, Trained, TrainingParameters
 from structlearn.networks.torch_settings import RootMeanSquarePropagation, as_tensor, one_thread
 
 EVALUATED_AT_ONCE = 128  # samples per model, so that a stack's activations stay in a core's cache
@@ -51,7 +51,7 @@ class StackedData:
     folds: Sequence[Fold]  # split of the samples, per model
 
 
-def train(
+def train_weights(
     stack: Stack, data: StackedData, parameters: TrainingParameters
 ) -> dict[str, tuple[list[Tensor], list[int]]]:
     """Train a stack in place; every model ends with the weights that did best on its validation part.
@@ -73,13 +73,13 @@ def train(
                 squares = (outputs - _taken(data.target, rows)).square()
                 # mean over the samples, sum over the models, whose gradients are independent
                 optimiser.step(squares.flatten(1).mean(dim=1).sum())
-            errors = evaluate(stack, data)
+            errors = choosing_errors(stack, data)
             better = errors < best  # False for diverged models (NaN)
             best[better], steps[better] = errors[better], start + count
             for place, part in enumerate(CHOOSING):
                 chosen = torch.from_numpy(better[:, place])
-                for found, values in zip(kept[part], stack.weights, strict=True):
-                    found[chosen] = values.detach()[chosen]
+                for best_values, values in zip(kept[part], stack.weights, strict=True):
+                    best_values[chosen] = values.detach()[chosen]
     restore(stack, kept["validation"])
     return {part: (kept[part], steps[:, place].tolist()) for place, part in enumerate(CHOOSING)}
 
@@ -87,8 +87,8 @@ def train(
 @torch.no_grad()
 def restore(stack: Stack, weights: Sequence[Tensor]) -> None:
     """Copy kept weights back into a stack."""
-    for values, found in zip(stack.weights, weights, strict=True):
-        values.copy_(found)
+    for values, kept in zip(stack.weights, weights, strict=True):
+        values.copy_(kept)
 
 
 def train_stack(
@@ -99,11 +99,11 @@ def train_stack(
     `model`: exports the network of an index with the stack's current weights.
     """
     trained: list[Trained[Model]] = [Trained({}, {}) for _ in data.folds]
-    for part, (weights, steps) in train(stack, data, parameters).items():
+    for part, (weights, steps) in train_weights(stack, data, parameters).items():
         if all(len(getattr(fold, part)) for fold in data.folds):
             restore(stack, weights)
-            for index, one in enumerate(trained):
-                one.models[part], one.steps[part] = model(index), steps[index]
+            for index, result in enumerate(trained):
+                result.models[part], result.steps[part] = model(index), steps[index]
     return trained
 
 
@@ -137,19 +137,19 @@ def scaled_targets(jobs: Jobs, inputs: Tensor, kernel_count: int | None) -> tupl
     return scales, StackedData(inputs, modulation, as_tensor(np.stack(targets)), [fold for _, fold in jobs])
 
 
-def evaluate(stack: Stack, data: StackedData) -> np.ndarray:
+def choosing_errors(stack: Stack, data: StackedData) -> np.ndarray:
     """Normalised mean squared errors (M, 2) on `CHOOSING` without dropout; NaN for an empty part.
 
     With several targets per sample, both the squared error and the variance are summed over them.
     """
     rows = [[getattr(fold, part) for part in CHOOSING] for fold in data.folds]
-    longest = max(sum(map(len, its)) for its in rows)
-    padded = np.stack([np.resize(np.concatenate(its), longest) for its in rows])
+    longest = max(sum(map(len, parts)) for parts in rows)
+    padded = np.stack([np.resize(np.concatenate(parts), longest) for parts in rows])
     outputs = predict(stack, data, torch.from_numpy(padded))
     result = np.full((len(rows), len(CHOOSING)), np.nan)
-    for model, its in enumerate(rows):
+    for model, parts in enumerate(rows):
         start = 0
-        for place, chosen in enumerate(its):
+        for place, chosen in enumerate(parts):
             if len(chosen):
                 target = data.target[model, chosen].numpy().astype(float)
                 error = np.square(outputs[model, start : start + len(chosen)] - target)
@@ -161,11 +161,11 @@ def evaluate(stack: Stack, data: StackedData) -> np.ndarray:
 @torch.no_grad()
 def predict(stack: Stack, data: StackedData, rows: Tensor) -> np.ndarray:
     """Outputs (M, R) or (M, R, D) of a stack for rows (M, R) of each model's samples."""
-    found = [
+    outputs = [
         stack.forward(_taken(data.inputs, chosen), _modulation(data, chosen), False)
         for chosen in rows.split(EVALUATED_AT_ONCE, dim=1)
     ]
-    return torch.cat(found, dim=1).numpy()
+    return torch.cat(outputs, dim=1).numpy()
 
 
 def standardisation(
@@ -179,10 +179,10 @@ def standardisation(
 
     `values`: (S, D) samples. `groups`: sizes of groups of adjacent columns with one unit; empty: one group.
     """
-    found = values[fold.train]
-    parts = np.split(found, np.cumsum(groups)[:-1], axis=1)
+    training = values[fold.train]
+    parts = np.split(training, np.cumsum(groups)[:-1], axis=1)
     scales = [float(np.sqrt(part.var(axis=0).mean())) or 1.0 for part in parts]
-    return found.mean(axis=0), np.repeat(scales, groups or found.shape[1])
+    return training.mean(axis=0), np.repeat(scales, groups or training.shape[1])
 
 
 def target_scale(target: np.ndarray, fold: Fold) -> float:

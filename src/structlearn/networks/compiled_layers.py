@@ -83,3 +83,18 @@ def affine(values: Array, at: int, inputs: int, width: int, layer_in: Array, lay
         for j in range(width):
             layer_out[j] += row[j] * value
     return biases + width
+
+
+@numba.njit(cache=True, forceinline=True)
+def last_hidden(sizes: Array, values: Array, inputs: Array, memory: Array) -> Array:
+    """Activations of the last tanh layer of a network; its standardised inputs if it has no layer.
+
+    `sizes`: L, then the number of inputs and the width of each hidden layer. `values`: of a packed network.
+    `memory`: at least (L + 2) * widest, overwritten; the result is a part of it.
+    """
+    layers = sizes[0]
+    shape = sizes[1 : layers + 2]
+    widest = shape.max()
+    work = memory[: (layers + 2) * widest].reshape(layers + 2, widest)
+    hidden_layers(values, 0, layers, shape, inputs, work)
+    return work[layers, : shape[layers]]

@@ -126,7 +126,7 @@ class StackedLayers:
     def part(self, models: slice) -> Self:
         """Subset of the networks, sharing their parameters."""
         return type(self)(
-            **{name: tuple(values[models] for values in found) for name, found in vars(self).items()}
+            **{name: tuple(values[models] for values in layers) for name, layers in vars(self).items()}
         )
 
     def layers_of(self, model: int) -> list[tuple[np.ndarray, np.ndarray]]:
@@ -140,28 +140,28 @@ class StackedLayers:
     @torch.no_grad()
     def set_layers_of(self, model: int, layers: Sequence[tuple[np.ndarray, np.ndarray]]) -> None:
         """Set weights and biases of one network, in the form of `layers_of`."""
-        for weights, biases, found in zip(self.weights, self.biases, layers, strict=True):
-            weights[model] = torch.tensor(found[0].T if self.rows else found[0])
-            biases[model] = torch.tensor(found[1]).view_as(biases[model])
+        for weights, biases, given in zip(self.weights, self.biases, layers, strict=True):
+            weights[model] = torch.tensor(given[0].T if self.rows else given[0])
+            biases[model] = torch.tensor(given[1]).view_as(biases[model])
 
     def to_arrays(self, prefix: str = "") -> dict[str, Tensor]:
         """All tensors by field and layer, e.g. `weights.0`, with a prefix, detached."""
         return {
             f"{prefix}{name}.{place}": values.detach()
-            for name, found in vars(self).items()
-            for place, values in enumerate(found)
+            for name, layers in vars(self).items()
+            for place, values in enumerate(layers)
         }
 
     @classmethod
     def from_arrays(cls, arrays: Mapping[str, Tensor], prefix: str = "") -> Self:
         """The inverse of `to_arrays`. Raises KeyError: there are no arrays with this prefix."""
-        found = {}
+        tensors = {}
         for name in (field.name for field in fields(cls)):
             count = sum(key.startswith(f"{prefix}{name}.") for key in arrays)
-            found[name] = tuple(arrays[f"{prefix}{name}.{place}"] for place in range(count))
-        if not found["weights"]:
+            tensors[name] = tuple(arrays[f"{prefix}{name}.{place}"] for place in range(count))
+        if not tensors["weights"]:
             raise KeyError(f"{prefix}weights")
-        return cls(**found)
+        return cls(**tensors)
 
     @classmethod
     def _shape(cls, after: int, before: int) -> tuple[int, int]:

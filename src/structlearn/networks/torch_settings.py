@@ -40,6 +40,7 @@ def one_thread() -> Iterator[None]:
         torch.set_num_threads(threads)
 
 
+MEAN_DECAY = 0.9  # of Adam's mean gradient, per step
 SMALLEST_ROOT = 1e-8  # added to the RMS of a gradient, so that weights without a gradient do not move
 
 
@@ -71,23 +72,44 @@ class RootMeanSquarePropagation:
 
 
 class Adam:
-    """Adam with torch's rule, step by step the same numbers.
+    """Adam (Kingma and Ba 2015) for tensors that share a leading axis of models, by torch's fused kernel.
 
-    Torch's own optimisers load its compiler, which takes a process a second. `parameters`: leaves.
+    Same steps as `torch.optim.Adam`, without its bookkeeping (7 to 20 % of a step for small networks) and
+    without importing it, which loads a compiler for seconds. `rate` may change between steps; `decay`: of the
+    mean squared gradient per step.
     """
 
-    def __init__(self, parameters: Sequence[Tensor], rate: float):
-        self.parameters, self.rate, self.count = list(parameters), rate, 0
+    def __init__(self, parameters: Sequence[Tensor], rate: float, decay: float = 0.999):
+        self.parameters, self.rate, self.decay = list(parameters), rate, decay
         self.means, self.squares = ([torch.zeros_like(its) for its in self.parameters] for _ in range(2))
+        self.count = torch.zeros(())  # steps taken
 
     @torch.no_grad()
-    def step(self, loss: Tensor) -> None:
-        """One step down the gradient of a loss."""
-        gradients = torch.autograd.grad(loss, self.parameters)
-        self.count += 1
-        size, root = self.rate / (1 - 0.9**self.count), (1 - 0.999**self.count) ** 0.5
+    def step(self, gradients: Sequence[Tensor | None]) -> None:
+        """One step; parameters with gradient None do not change."""
         every = zip(gradients, self.parameters, self.means, self.squares, strict=True)
-        for gradient, values, mean, square in every:
-            mean.lerp_(gradient, 1 - 0.9)
-            square.mul_(0.999).addcmul_(gradient, gradient, value=1 - 0.999)
-            values.addcdiv_(mean, (square.sqrt() / root).add_(SMALLEST_ROOT), value=-size)
+        # the kernel walks memory in order, regardless of strides
+        moved = [(slope.contiguous(), *tensors) for slope, *tensors in every if slope is not None]
+        slopes, values, means, squares = (list(tensors) for tensors in zip(*moved, strict=True))
+        self.count += 1
+        torch._fused_adam_(
+            values,
+            slopes,
+            means,
+            squares,
+            [],
+            [self.count] * len(moved),
+            lr=self.rate,
+            beta1=MEAN_DECAY,
+            beta2=self.decay,
+            weight_decay=0.0,
+            eps=SMALLEST_ROOT,
+            amsgrad=False,
+            maximize=False,
+        )
+
+    def keep(self, models: Tensor) -> None:
+        """Keep only some models; (M,) mask."""
+        for values in self.parameters:
+            values.data = values.data[models]
+        self.means, self.squares = ([its[models] for its in kept] for kept in (self.means, self.squares))

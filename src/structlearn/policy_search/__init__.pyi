@@ -11,7 +11,3 @@ from .refinement import (
     RefinementParameters as RefinementParameters,
     Rollout as Rollout,
 )
-from .sample_efficiency import (
-    EvolutionStrategy as EvolutionStrategy,
-    PathIntegralSearch as PathIntegralSearch,
-)

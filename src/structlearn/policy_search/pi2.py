@@ -39,7 +39,6 @@ from pydantic import Field
 from scipy.linalg import solve_triangular
 
 from structlearn.core.compilation import numba
-from structlearn.core.errors import InputError
 from structlearn.core.params import Parameters
 
 RIDGE = 1e-12
@@ -67,11 +66,11 @@ class CovarianceParameters(Parameters):
 
 
 def covariance_factor(covariance: np.ndarray) -> np.ndarray:
-    """Lower Cholesky factor of a covariance (D, D). Raises InputError: it is not positive definite."""
+    """Lower Cholesky factor of a covariance (D, D). Raises ValueError: it is not positive definite."""
     try:
         return np.linalg.cholesky(covariance)
     except np.linalg.LinAlgError as error:
-        raise InputError("the covariance of the search distribution is not positive definite") from error
+        raise ValueError("the covariance of the search distribution is not positive definite") from error
 
 
 def adapted_covariance(
@@ -82,7 +81,7 @@ def adapted_covariance(
     `rescaled` and `full` work in coordinates that whiten the old covariance, so they are invariant to linear
     changes of the policy's parameters; they use a sample's mean weight for all parameters. `old`: (D, D)
     covariance of the samples. `deviations`: (K, D) samples minus the old mean. `weights`: (K, D), summing to
-    1 over the samples. Raises InputError: the old covariance is not positive definite.
+    1 over the samples. Raises ValueError: the old covariance is not positive definite.
     """
     if parameters.mode == "kept":
         return old
@@ -127,7 +126,7 @@ class SearchDistribution:
 
     def __post_init__(self) -> None:
         if self.mean.ndim != 1 or self.covariance.shape != 2 * self.mean.shape:
-            raise InputError(
+            raise ValueError(
                 f"a search distribution needs a mean (D,) and a covariance (D, D), "
                 f"not {self.mean.shape} and {self.covariance.shape}"
             )
@@ -141,7 +140,7 @@ class SearchDistribution:
 def sample(distribution: SearchDistribution, count: int, rng: np.random.Generator) -> np.ndarray:
     """Draw policies (algorithm IV.3, line 7); with equal generators, fewer are a prefix of more.
 
-    Raises InputError: the covariance is not positive definite.
+    Raises ValueError: the covariance is not positive definite.
     """
     white = rng.standard_normal((count, len(distribution.mean)))
     return distribution.mean + white @ covariance_factor(distribution.covariance).T
@@ -178,14 +177,14 @@ def update(
     `samples`: (K, D) parameters of the executed policies. `costs`: (K, T) cost per rollout and time step, in
     any unit; a rollout with NaN or infinity is left out. `activation`: (T, D) how strongly each parameter
     acts at every time step, non-negative, positive somewhere, in any unit; for `per_weight` averaging. None:
-    all act equally at all times. Raises InputError: shapes do not fit, a sample is not finite, fewer than two
+    all act equally at all times. Raises ValueError: shapes do not fit, a sample is not finite, fewer than two
     rollouts have finite costs, or the covariance is not positive definite.
     """
     _check_shapes(distribution, samples, costs, activation)
     ahead = cost_to_go(costs, parameters.horizon)
     valid = np.isfinite(ahead[:, 0])
     if valid.sum() < FEWEST_ROLLOUTS:
-        raise InputError(
+        raise ValueError(
             f"{valid.sum()} of {len(costs)} rollouts have finite costs, an update needs {FEWEST_ROLLOUTS}"
         )
     weights = sample_weights(ahead[valid], samples.shape[1], parameters, activation)
@@ -203,7 +202,7 @@ def sample_weights(
 
     `ahead`: (K, T) finite costs-to-go. `dimensions`: D. `activation`: see `update`.
     """
-    relative, steps = normalised(ahead), ahead.shape[1]
+    relative, steps = normalised_costs(ahead), ahead.shape[1]
     if parameters.temperature is None:
         temperatures = bounded_temperatures(relative, parameters.kl_bound, parameters.temperature_floor)
     else:
@@ -220,22 +219,22 @@ def _check_shapes(
     distribution: SearchDistribution, samples: np.ndarray, costs: np.ndarray, activation: np.ndarray | None
 ) -> None:
     if samples.ndim != 2 or costs.ndim != 2 or len(samples) != len(costs) or costs.shape[1] == 0:
-        raise InputError(
+        raise ValueError(
             f"an update needs samples (K, D) and costs (K, T) of the same K, "
             f"not {samples.shape} and {costs.shape}"
         )
     if samples.shape[1] != len(distribution.mean):
-        raise InputError(
+        raise ValueError(
             f"the samples have {samples.shape[1]} parameters, the distribution has {len(distribution.mean)}"
         )
     if not np.isfinite(samples).all():
-        raise InputError("a sample of the search distribution is not finite")
+        raise ValueError("a sample of the search distribution is not finite")
     expected = (costs.shape[1], samples.shape[1])
     if activation is not None and activation.shape != expected:
-        raise InputError(f"the activation must be (T, D), here {expected}, not {activation.shape}")
+        raise ValueError(f"the activation must be (T, D), here {expected}, not {activation.shape}")
 
 
-def normalised(costs: np.ndarray) -> np.ndarray:
+def normalised_costs(costs: np.ndarray) -> np.ndarray:
     """Normalise finite costs (K, T) per time step from [lowest, highest] to [0, 1]; 0 if all are equal."""
     lowest, highest = costs.min(axis=0), costs.max(axis=0)
     # halved, because the difference of two finite numbers may overflow

@@ -26,8 +26,9 @@ from pydantic import Field
 from structlearn.core.errors import InputError
 from structlearn.core.params import Parameters
 from structlearn.feedback.coupling_dataset import CouplingDataset, concatenated, to_table
-from structlearn.feedback.coupling_model import CouplingModel, TrainingParameters, train_final
+from structlearn.feedback.coupling_model import CouplingModel, module_name
 from structlearn.feedback.models.pmnn import open_loop
+from structlearn.feedback.trainers import TrainingParameters, train_final
 from structlearn.policy_search import pi2
 from structlearn.policy_search.pi2 import PI2Parameters, SearchDistribution
 from structlearn.primitives import canonical
@@ -191,12 +192,13 @@ def improve(
     improved = _execute(environment, [open_loop(mean)] * parameters.added_runs, iteration, IMPROVED)
     added = learnable(improved, f"executions of the improved policy of iteration {iteration}")
     retraining = parameters.training.model_copy(update={"dropout": parameters.retraining_dropout})
-    network = train_final(type(initial), concatenated([demonstrations, added]), retraining, initial=initial)
+    data = concatenated([demonstrations, added])
+    network = train_final(module_name(initial), data, retraining, initial=initial)
     runs = _execute(environment, [network] * parameters.evaluation_runs, iteration, FEEDBACK)
     groups = ((tried, SAMPLE), (improved, IMPROVED), (runs, FEEDBACK))
     rows = [history_rows(group, iteration, kind) for group, kind in groups]
     samples = [sample_rows(group, iteration, kind, environment.rate_hz) for group, kind in groups]
-    found = replace(
+    advanced = replace(
         progress,
         iteration=iteration,
         covariance=updated.covariance,
@@ -204,9 +206,9 @@ def improve(
         policies=np.vstack([progress.policies, policies, np.tile(mean, (len(improved), 1))]),
         samples=pd.concat([progress.samples, *samples], ignore_index=True),
     )
-    if found.kept < iteration:
-        return found
-    return replace(found, network=network, compressed=compress(runs, len(mean)))
+    if advanced.kept < iteration:
+        return advanced
+    return replace(advanced, network=network, compressed=compress(runs, len(mean)))
 
 
 def refine(

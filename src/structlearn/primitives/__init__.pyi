@@ -15,7 +15,7 @@ from .sequence import (
 )
 from .trajectory import (
     OrientationTrajectory as OrientationTrajectory,
-    Path as Path,
+    PathBase as PathBase,
     Trajectory as Trajectory,
     differentiated as differentiated,
 )

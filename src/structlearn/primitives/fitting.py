@@ -38,7 +38,7 @@ Segment = tuple[Trajectory, OrientationTrajectory | None]
 """Position and, where recorded, orientation of one primitive in one demonstration."""
 
 
-def whole(demonstrations: Sequence[Demonstration]) -> pd.DataFrame:
+def whole_run_cuts(demonstrations: Sequence[Demonstration]) -> pd.DataFrame:
     """Cuts of demonstrations that are a single primitive from start to end: index demonstration."""
     ends = [(0.0, float(demonstration.time[-1])) for demonstration in demonstrations]
     names = pd.Index([demonstration.name for demonstration in demonstrations], name="demonstration")
@@ -54,7 +54,7 @@ def segment_paths(
     samples, or some demonstrations have no orientation.
     """
     segments: list[Segment] = []
-    for demonstration in (one for one in demonstrations if one.name in cuts.index):
+    for demonstration in (run for run in demonstrations if run.name in cuts.index):
         cut = cuts.loc[demonstration.name]
         first, last = (round(float(cut[end]) / demonstration.dt) for end in ("start_s", "end_s"))
         if last - first < 2:
@@ -72,10 +72,10 @@ def segment_paths(
 
 def orientations(segments: Sequence[Segment]) -> list[OrientationTrajectory]:
     """Orientations of segments. Raises InputError: a segment has none."""
-    found = [orientation for _, orientation in segments if orientation is not None]
-    if len(found) < len(segments):
+    turns = [orientation for _, orientation in segments if orientation is not None]
+    if len(turns) < len(segments):
         raise InputError("a segment has no orientation")
-    return found
+    return turns
 
 
 def learn_primitive(name: str, segments: Sequence[Segment], parameters: FitParameters) -> PosePrimitive:
@@ -94,8 +94,8 @@ def learn_sequence(
     `cuts`: by primitive in order of time, each as in `segment_paths`.
     """
     return [
-        learn_primitive(name, segment_paths(demonstrations, its, parameters.smoothing_hz), parameters)
-        for name, its in cuts.items()
+        learn_primitive(name, segment_paths(demonstrations, own_cuts, parameters.smoothing_hz), parameters)
+        for name, own_cuts in cuts.items()
     ]
 
 
@@ -112,9 +112,11 @@ def cross_validation(
     `left_out`: False if the primitive was learned from all demonstrations, True if without this fold.
     """
     tables = []
-    for name, its in cuts.items():
-        segments = segment_paths(demonstrations, its, parameters.smoothing_hz)
-        names = [demonstration.name for demonstration in demonstrations if demonstration.name in its.index]
+    for name, own_cuts in cuts.items():
+        segments = segment_paths(demonstrations, own_cuts, parameters.smoothing_hz)
+        names = [
+            demonstration.name for demonstration in demonstrations if demonstration.name in own_cuts.index
+        ]
         for regression in get_args(Regression):
             choice = parameters.model_copy(update={"regression": regression})
             errors = {False: reproduction_errors(learn_primitive(name, segments, choice), segments)}
@@ -170,12 +172,12 @@ def reproduction_summary(errors: pd.DataFrame) -> pd.DataFrame:
     known = [column for column in REPRODUCTION_ERRORS if column in errors.columns]
     how = {column: "mean" if column.startswith("mean") else "max" for column in known}
     keys = ["primitive", "regression", "left_out"]
-    found = errors.groupby(keys, as_index=False, sort=False).agg(how)
+    overall = errors.groupby(keys, as_index=False, sort=False).agg(how)
 
     def in_first_order(column: pd.Series) -> pd.Series:
         return pd.Series(pd.factorize(column)[0], index=column.index)
 
-    return found.sort_values(keys, key=in_first_order, ignore_index=True)
+    return overall.sort_values(keys, key=in_first_order, ignore_index=True)
 
 
 def _overall_nmse(prediction: np.ndarray, target: np.ndarray) -> float:

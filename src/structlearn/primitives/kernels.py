@@ -37,7 +37,7 @@ def centres_and_widths(count: int) -> tuple[np.ndarray, np.ndarray]:
     return centres, widths
 
 
-def features(p: np.ndarray, u: np.ndarray, count: int = KERNEL_COUNT) -> np.ndarray:
+def features(p: np.ndarray | float, u: np.ndarray | float, count: int = KERNEL_COUNT) -> np.ndarray:
     """Features (..., N) of the forcing term, u psi_i(p) / sum_j psi_j(p) (eq. IV.6): f = features @ weights.
 
     `p`: (...) phase. `u`: (...) phase velocity.

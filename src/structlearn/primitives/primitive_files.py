@@ -23,7 +23,7 @@ from structlearn.primitives.vector import VectorPrimitive
 Tensors = dict[str, np.ndarray]
 
 
-class Kind(TypedDict):
+class PrimitiveKind(TypedDict):
     """Non-numeric fields of a pose primitive."""
 
     name: str
@@ -59,10 +59,10 @@ def read_vector_primitive(path: str | Path) -> VectorPrimitive:
         return vector_primitive(tensors)
 
 
-def primitive_tensors(primitives: Sequence[PosePrimitive]) -> tuple[Tensors, list[Kind]]:
+def primitive_tensors(primitives: Sequence[PosePrimitive]) -> tuple[Tensors, list[PrimitiveKind]]:
     """Arrays of a sequence of pose primitives, and the non-numeric fields of each."""
     tensors: Tensors = {}
-    kinds: list[Kind] = []
+    kinds: list[PrimitiveKind] = []
     for primitive in primitives:
         name, position, orientation = primitive.name, primitive.position, primitive.orientation
         tensors |= prefixed(f"{name}.position", vector_tensors(position))
@@ -74,7 +74,7 @@ def primitive_tensors(primitives: Sequence[PosePrimitive]) -> tuple[Tensors, lis
     return tensors, kinds
 
 
-def pose_primitives(kinds: Sequence[Kind], tensors: Tensors) -> list[PosePrimitive]:
+def pose_primitives(kinds: Sequence[PrimitiveKind], tensors: Tensors) -> list[PosePrimitive]:
     """The inverse of `primitive_tensors`. Raises KeyError: an array is missing."""
     primitives = []
     for kind in kinds:

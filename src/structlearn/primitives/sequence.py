@@ -2,10 +2,9 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import TypeVar
+from typing import TYPE_CHECKING, TypeVar
 
 import numpy as np
-import pandas as pd
 from pydantic import Field
 
 from structlearn.core import quaternion
@@ -13,6 +12,9 @@ from structlearn.core.frames import UP
 from structlearn.core.params import Parameters
 from structlearn.primitives import kernels, orientation, position, twist_swing
 from structlearn.primitives.trajectory import OrientationTrajectory, Trajectory
+
+if TYPE_CHECKING:
+    import pandas as pd
 
 OrientationPrimitive = orientation.QuaternionPrimitive | twist_swing.TwistSwingPrimitive
 Path = TypeVar("Path", Trajectory, OrientationTrajectory)
@@ -78,8 +80,10 @@ def fit_orientation(
 def default_goals(primitives: Sequence[PosePrimitive]) -> list[PoseGoal]:
     """The mean goals of the demonstrations."""
     return [
-        PoseGoal(one.position.goal, None if one.orientation is None else one.orientation.goal)
-        for one in primitives
+        PoseGoal(
+            primitive.position.goal, None if primitive.orientation is None else primitive.orientation.goal
+        )
+        for primitive in primitives
     ]
 
 
@@ -150,13 +154,15 @@ def generalised(
     )
 
 
-def sequence_table(path: SequencePath, names: Sequence[str]) -> pd.DataFrame:
+def sequence_table(path: SequencePath, names: Sequence[str]) -> "pd.DataFrame":
     """A path as a table: `primitive`, `time_s`, then the signals with their axis in the name.
 
     Position `x`, `y`, `z` in m, velocity `vx` ... in m/s, acceleration `ax` ... in m/s^2 and, with an
     orientation, quaternion `qw`, `qx`, `qy`, `qz`, angular velocity `wx` ... in rad/s, angular acceleration
     `dwx` ... in rad/s^2. The sample of a switch belongs to the successor.
     """
+    import pandas as pd  # is not on a robot's computer
+
     lengths = np.diff(path.switches)
     lengths[-1] += 1
     signals = {"": path.position.position, "v": path.position.velocity, "a": path.position.acceleration}
@@ -174,7 +180,7 @@ def sequence_table(path: SequencePath, names: Sequence[str]) -> pd.DataFrame:
     return pd.DataFrame({"primitive": np.repeat(names, lengths), "time_s": path.position.time, **columns})
 
 
-def largest_acceleration_jump(table: pd.DataFrame) -> float:
+def largest_acceleration_jump(table: "pd.DataFrame") -> float:
     """Largest acceleration change from one sample to the next at a switch, over the largest acceleration.
 
     Without eq. IV.12 it would be of the order of 1. `table`: from `sequence_table`. 0 for a single primitive.

@@ -9,7 +9,7 @@ from structlearn.core import quaternion, signals
 
 
 @dataclass(frozen=True)
-class Path:
+class PathBase:
     """Signals on a uniform clock that starts at 0."""
 
     time: np.ndarray  # (T,) s since the start
@@ -37,7 +37,7 @@ class Path:
 
 
 @dataclass(frozen=True)
-class Trajectory(Path):
+class Trajectory(PathBase):
     """A vector signal (position, sensor trace, chart coordinates) with two derivatives."""
 
     position: np.ndarray  # (..., T, D)
@@ -54,7 +54,7 @@ class Trajectory(Path):
 
 
 @dataclass(frozen=True)
-class OrientationTrajectory(Path):
+class OrientationTrajectory(PathBase):
     """An orientation path with angular velocity and acceleration in the base frame."""
 
     orientation: np.ndarray  # (T, 4) unit quaternions w, x, y, z, sign-continuous

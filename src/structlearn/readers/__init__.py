@@ -1,9 +1,18 @@
 """Readers of demonstrations: bags and public logs in, signals on one clock out.
 
-Pipelines call `read_demonstrations`. Below it: `source` (a source -> its files), `bag` and `user_tables` (a
-file <-> raw messages), `cdr`, `messages`, `joint_log` and `computed_pose` (raw messages <-> streams), `clock`
-(streams -> one clock). Stages exchange sets as tables: runs (`demonstration`), or `joint_log` without poses.
-The public names are in the stub beside this file; their modules load on first use.
+Pipelines call `read_demonstrations` (`bag_recording`), which takes these steps, in this order:
+
+| step | module |
+|---|---|
+| source -> files | `source_files` (where a source is, and which stamps count: `source_parameters`) |
+| file -> raw messages of the named `topics` | `raw_messages`; `user_tables` if it is a table |
+| raw -> decoded messages | `decoded_messages` |
+| decoded messages -> streams | `message_streams`, `joint_streams`; `computed_pose` if none is published |
+| streams -> one clock | `clock` |
+| runs on it, as stages exchange them | `demonstration`; `joint_log` without poses |
+
+`lerobot` and the public sets' readers start from `foreign_tables` instead and end in the same streams. The
+public names are in the stub beside this file; their modules load on first use.
 """
 
 import lazy_loader

@@ -9,13 +9,13 @@ import numpy as np
 
 from structlearn.core.errors import InputError
 from structlearn.core.reading import require_file
-from structlearn.readers.bag import Bag, RawMessages, damage_named, read_bags, write_bag
-from structlearn.readers.cdr import short_name
 from structlearn.readers.clock import MAX_GAP_S, check_recording, synchronise
 from structlearn.readers.computed_pose import joint_pose, transform_pose
+from structlearn.readers.decoded_messages import short_name
 from structlearn.readers.demonstration import JOINT_KINDS, Demonstration, NamedShape, Recording, Stream
-from structlearn.readers.joint_log import JointLog, JointSeries, chosen, joint_series
-from structlearn.readers.messages import (
+from structlearn.readers.joint_log import JointLog
+from structlearn.readers.joint_streams import JointSeries, chosen, joint_series
+from structlearn.readers.message_streams import (
     READERS,
     joint_messages,
     shapes_message,
@@ -23,19 +23,10 @@ from structlearn.readers.messages import (
     to_shapes,
     to_stream,
 )
-from structlearn.readers.source import (
-    AS_WRITTEN,
-    MAX_FINGERS,
-    OWN_TOPICS,
-    JointPose,
-    RecordingFile,
-    Role,
-    StampPolicy,
-    TopicMap,
-    as_recording_file,
-    check_names,
-    recording_files,
-)
+from structlearn.readers.raw_messages import Bag, RawMessages, damage_named, read_bags, write_bag
+from structlearn.readers.source_files import RecordingFile, as_recording_file, check_names, recording_files
+from structlearn.readers.source_parameters import AS_WRITTEN, StampPolicy
+from structlearn.readers.topics import MAX_FINGERS, OWN_TOPICS, JointPose, Role, TopicMap
 from structlearn.readers.user_tables import read_pose_table, read_shapes, shape_file
 
 JOINT_STATES = "/joint_states"  # default topic of drivers
@@ -92,7 +83,7 @@ def to_metadata(recording: Recording) -> dict[str, str]:
 def read_recording(
     file: str | Path | RecordingFile, topics: TopicMap = OWN_TOPICS, stamps: StampPolicy = AS_WRITTEN
 ) -> Recording:
-    """Read a recording from a file of any format (`source`); see `messages` for the supported types.
+    """Read a recording from a file of any format (`source_files`); `message_streams` lists the types.
 
     Returns:
         The recording, named after the file's stem, with streams in the order of the topic map. A file without
@@ -134,24 +125,24 @@ def read_demonstrations(
     """Read demonstrations, each on a uniform clock (`clock.synchronise`), in natural order of their names.
 
     Args:
-        source: see `source.recording_files`.
+        source: see `source_files.recording_files`.
         topics: topics of the signals.
         rate_hz: sampling rate of all demonstrations; None: the median rate of each pose stream.
         max_gap_s: longest gap in s that is bridged by interpolation.
         stamps: which stamps are used, and how disorder is handled.
 
     Raises:
-        InputError: the source fails `source.recording_files`, or a recording `read_recording` or
+        InputError: the source fails `source_files.recording_files`, or a recording `read_recording` or
             `synchronise`; the message names it.
     """
-    found = []
+    demonstrations = []
     for file in recording_files(source):
         recording = read_recording(file, topics, stamps)
         try:
-            found.append(synchronise(recording, rate_hz, max_gap_s))
+            demonstrations.append(synchronise(recording, rate_hz, max_gap_s))
         except InputError as error:
             raise InputError(f"{file.path}: {error}") from error
-    return found
+    return demonstrations
 
 
 def read_recordings(
@@ -162,14 +153,14 @@ def read_recordings(
     Raises InputError: as `read_demonstrations`, except for the clock; or a recording fails
     `check_recording`.
     """
-    found = []
+    recordings = []
     for file in recording_files(source):
-        found.append(read_recording(file, topics, stamps))
+        recordings.append(read_recording(file, topics, stamps))
         try:
-            check_recording(found[-1])
+            check_recording(recordings[-1])
         except InputError as error:
             raise InputError(f"{file.path}: {error}") from error
-    return found
+    return recordings
 
 
 def write_recordings(recordings: Sequence[Recording], folder: str | Path) -> None:
@@ -200,7 +191,7 @@ def read_joint_logs(
     joints: Sequence[str] | None = None,
     stamps: StampPolicy = AS_WRITTEN,
 ) -> list[JointLog]:
-    """Read the logs of a source (`source.recording_files`), in natural order of their names."""
+    """Read the logs of a source (`source_files.recording_files`), in natural order of their names."""
     return [read_joint_log(file, topic, joints, stamps) for file in recording_files(source)]
 
 
@@ -223,10 +214,10 @@ def read_joint_log(
         raise InputError(f"{where} does not name the joints")
     series, others = chosen(where, series, joints)
     if len(series) > 1:
-        parts = " and ".join(", ".join(one.names) for one in series)
+        parts = " and ".join(", ".join(part.names) for part in series)
         raise InputError(f"{where} has joints that come at different times: {parts}")
-    (one,) = series
-    if missing := [kind for kind in JOINT_KINDS if kind not in one.values]:
+    (joint_states,) = series
+    if missing := [kind for kind in JOINT_KINDS if kind not in joint_states.values]:
         raise InputError(
             f"{where} has no {missing[0].replace('_', ' ')}; a dynamics model is learned from "
             "position, velocity and effort"
@@ -236,8 +227,8 @@ def read_joint_log(
         provenance["stamps"] = f"{topic}: {note}"
     if others:
         provenance["joints"] = f"{topic}: without {', '.join(others)}"
-    signals = (one.values[kind] for kind in JOINT_KINDS)
-    return JointLog(file.name, one.names, one.stamps, *signals, provenance=provenance)
+    signals = (joint_states.values[kind] for kind in JOINT_KINDS)
+    return JointLog(file.name, joint_states.names, joint_states.stamps, *signals, provenance=provenance)
 
 
 def readable(path: Path, bag: Bag, topic: str, role: Role | Literal["transforms"]) -> tuple[str, RawMessages]:
@@ -245,7 +236,7 @@ def readable(path: Path, bag: Bag, topic: str, role: Role | Literal["transforms"
     where = f"{path}: topic '{topic}'"
     if topic not in bag.topics:
         present = sorted(bag.topics.items())
-        listing = ", ".join(f"{name} ({' and '.join(its)})" for name, its in present) or "no topics"
+        listing = ", ".join(f"{name} ({' and '.join(types)})" for name, types in present) or "no topics"
         raise InputError(f"{path}: has no topic '{topic}' for {role}; it has {listing}")
     if len(types := bag.topics[topic]) > 1:
         raise InputError(f"{where} has messages of several types: {', '.join(types)}")
@@ -315,8 +306,7 @@ class _Reading:
         """All joint states of a topic, cached, since the pose may need them too."""
         if topic not in self._series:
             where, messages = readable(self._path, self._bag, topic, "joint_states")
-            found = joint_series(where, topic, messages, self._policy)
-            self._series[topic], self.mended[topic] = found
+            self._series[topic], self.mended[topic] = joint_series(where, topic, messages, self._policy)
         return self._series[topic]
 
     def _joints(self, topic: str) -> list[JointSeries]:
@@ -331,11 +321,11 @@ class _Reading:
 
     def _joint_streams(self, series: Sequence[JointSeries]) -> list[Stream]:
         """Streams of the joint states of all topics; signals that some joints lack are left out."""
-        named = all(one.names for one in series)
+        named = all(part.names for part in series)
         if self._topics.joints is not None:
-            where = f"{self._path}: {', '.join(dict.fromkeys(one.topic for one in series))}"
+            where = f"{self._path}: {', '.join(dict.fromkeys(part.topic for part in series))}"
             series, _ = chosen(where, series, self._topics.joints)
-        streams = [stream for one in series for stream in one.streams()]
+        streams = [stream for part in series for stream in part.streams()]
         joints = {kind: [n for s in streams if s.kind == kind for n in s.joints] for kind in JOINT_KINDS}
         for kind, names in joints.items():
             topics = [stream.topic for stream in streams if stream.kind == kind]

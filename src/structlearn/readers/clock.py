@@ -9,7 +9,7 @@ import numpy as np
 from structlearn.core import quaternion
 from structlearn.core.errors import InputError
 from structlearn.readers.demonstration import JOINT_KINDS, Demonstration, Kind, Recording, Stream
-from structlearn.readers.source import StampPolicy
+from structlearn.readers.source_parameters import StampPolicy
 
 # Longest gap in a stream that is bridged by interpolation by default: robot controllers and bag recorders
 # occasionally drop out for 0.15 s; a longer gap hides a movement.
@@ -275,8 +275,8 @@ def shared_stamps(sources: Sequence[np.ndarray]) -> np.ndarray:
     (the first of several). Stamps within a gap of another source, longer than two mean steps of the slowest
     one, are left out, so the combined signal keeps that gap.
     """
-    start, end = max(int(one[0]) for one in sources), min(int(one[-1]) for one in sources)
-    inside = [one[(one >= start) & (one <= end)] for one in sources]
+    start, end = max(int(stamps[0]) for stamps in sources), min(int(stamps[-1]) for stamps in sources)
+    inside = [stamps[(stamps >= start) & (stamps <= end)] for stamps in sources]
     ticks = min(inside, key=len)
     if len(ticks) < 2:
         return ticks

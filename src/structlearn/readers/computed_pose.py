@@ -21,13 +21,14 @@ from structlearn.core import quaternion
 from structlearn.core.errors import InputError
 from structlearn.core.params import home_path
 from structlearn.core.reading import require_file
-from structlearn.readers.bag import RawMessages
-from structlearn.readers.cdr import decoded
 from structlearn.readers.clock import NORM_TOLERANCE, in_order, linear, shared_stamps, slerp
+from structlearn.readers.decoded_messages import decoded
 from structlearn.readers.demonstration import Stream
-from structlearn.readers.joint_log import MOST_JOINTS, JointSeries
-from structlearn.readers.messages import fields_named, nanoseconds, numbers
-from structlearn.readers.source import JointPose, StampPolicy, TransformPose
+from structlearn.readers.joint_streams import MOST_JOINTS, JointSeries
+from structlearn.readers.message_streams import fields_named, nanoseconds, numbers
+from structlearn.readers.raw_messages import RawMessages
+from structlearn.readers.source_parameters import StampPolicy
+from structlearn.readers.topics import JointPose, TransformPose
 
 Edge = tuple[str, str]  # parent and child frame
 
@@ -52,14 +53,14 @@ def transform_series(where: str, messages: RawMessages, policy: StampPolicy) -> 
     pieces = defaultdict(list)
     with fields_named(where):
         for group in decoded(where, messages):
-            for one in group.message.transforms:
-                edge = one.header.frame_id.lstrip("/"), one.child_frame_id.lstrip("/")
-                values = np.array(numbers(one.transform, "translation", "rotation"), dtype=float)
-                stamps = np.atleast_1d(nanoseconds(one.header.stamp))
+            for transform in group.message.transforms:
+                edge = transform.header.frame_id.lstrip("/"), transform.child_frame_id.lstrip("/")
+                values = np.array(numbers(transform.transform, "translation", "rotation"), dtype=float)
+                stamps = np.atleast_1d(nanoseconds(transform.header.stamp))
                 pieces[edge].append((group.rows, stamps, values.reshape(7, len(group.rows)).T))
     series = {}
-    for edge, its in pieces.items():
-        rows, stamps, values = (np.concatenate(parts) for parts in zip(*its, strict=True))
+    for edge, parts_of_edge in pieces.items():
+        rows, stamps, values = (np.concatenate(parts) for parts in zip(*parts_of_edge, strict=True))
         order = np.argsort(rows, kind="stable")
         rows, stamps, values = rows[order], stamps[order], values[order][:, [0, 1, 2, 6, 3, 4, 5]]
         norms = np.linalg.norm(values[:, 3:], axis=1)
@@ -79,23 +80,23 @@ def chain(where: str, edges: Sequence[Edge], parent: str, child: str) -> list[Ed
     for frame in (parent, child):
         if frame not in frames:
             raise InputError(f"{where}: has no frame '{frame}'; it has {', '.join(frames) or 'none'}")
-    way: dict[str, list[Edge]] = {parent: []}
+    path_to: dict[str, list[Edge]] = {parent: []}
     waiting = [parent]
-    while waiting and child not in way:
+    while waiting and child not in path_to:
         frame = waiting.pop(0)
         for edge in edges:
             for here, there in (edge, edge[::-1]):
-                if here == frame and there not in way:
-                    way[there] = [*way[frame], edge]
+                if here == frame and there not in path_to:
+                    path_to[there] = [*path_to[frame], edge]
                     waiting.append(there)
-    if child not in way:
-        reached = ", ".join(sorted(way))
+    if child not in path_to:
+        reached = ", ".join(sorted(path_to))
         raise InputError(f"{where}: no transforms lead from '{parent}' to '{child}', only to {reached}")
-    for _, below in way[child]:
-        above = sorted(one for one, other in edges if other == below)
+    for _, below in path_to[child]:
+        above = sorted(frame_above for frame_above, frame_below in edges if frame_below == below)
         if len(above) > 1:
             raise InputError(f"{where}: frame '{below}' has several parents: {', '.join(above)}")
-    return way[child]
+    return path_to[child]
 
 
 def transform_pose(
@@ -105,38 +106,40 @@ def transform_pose(
 
     `messages`: per topic of `pose.topics` that the file has.
     """
-    found = [
+    of_topic = [
         transform_series(f"{where}: topic '{topic}'", messages[topic], policy) if topic in messages else {}
         for topic in pose.topics
     ]
-    moving = {edge for edge, one in found[0].items() if one.moves}
-    series = found[1] | found[0]  # a transform on both topics is not static
+    moving = {edge for edge, transform in of_topic[0].items() if transform.moves}
+    series = of_topic[1] | of_topic[0]  # a transform on both topics is not static
     where = f"{where}: topic '{pose.topic}'"
-    way = chain(where, list(series), pose.parent, pose.child)
-    moving &= set(way)
+    path = chain(where, list(series), pose.parent, pose.child)
+    moving &= set(path)
     if not moving:
         raise InputError(f"{where}: '{pose.child}' does not move in '{pose.parent}'")
     notes = []
-    for edge in way:
+    for edge in path:
         if edge in moving:
-            one = series[edge]
-            rows, note = in_order(f"{where}: {_named(edge)}", one.stamps, policy)
+            transform = series[edge]
+            rows, note = in_order(f"{where}: {_named(edge)}", transform.stamps, policy)
             if note is not None:
                 notes.append(f"{note} of {_named(edge)}")
-                series[edge] = replace(one, stamps=one.stamps[rows], values=one.values[rows])
-    ticks = shared_stamps([series[edge].stamps for edge in way if edge in moving])
+                stamps, values = transform.stamps[rows], transform.values[rows]
+                series[edge] = replace(transform, stamps=stamps, values=values)
+    ticks = shared_stamps([series[edge].stamps for edge in path if edge in moving])
     if len(ticks) < 2:
-        names = ", ".join(f"'{above}' to '{below}'" for above, below in way if (above, below) in moving)
+        names = ", ".join(f"'{above}' to '{below}'" for above, below in path if (above, below) in moving)
         raise InputError(f"{where}: the transforms {names} are not there at one time")
     frame = pose.parent.lstrip("/")
     position = np.zeros((len(ticks), 3))
     orientation = np.tile([1.0, 0.0, 0.0, 0.0], (len(ticks), 1))
-    for edge in way:
-        one = series[edge]
-        step, turn = np.split(np.tile(one.values[-1], (len(ticks), 1)), [3], axis=1)
+    for edge in path:
+        transform = series[edge]
+        step, turn = np.split(np.tile(transform.values[-1], (len(ticks), 1)), [3], axis=1)
         if edge in moving:
-            at, stamps = (ticks - ticks[0]).astype(float), (one.stamps - ticks[0]).astype(float)
-            step, turn = linear(at, stamps, one.values[:, :3]), slerp(at, stamps, one.values[:, 3:])
+            at, stamps = (ticks - ticks[0]).astype(float), (transform.stamps - ticks[0]).astype(float)
+            step = linear(at, stamps, transform.values[:, :3])
+            turn = slerp(at, stamps, transform.values[:, 3:])
         if edge[0] != frame:  # upwards: invert, to get the parent's pose in the child's frame
             turn = quaternion.conjugate(turn)
             step = -quaternion.rotate(turn, step)
@@ -154,27 +157,28 @@ def _named(edge: Edge) -> str:
 def joint_pose(where: str, series: Sequence[JointSeries], pose: JointPose) -> Stream:
     """Stream of a link's pose, on the clock of the slowest of its joints (`clock.shared_stamps`)."""
     model, frame, joints = _kinematics(home_path(pose.urdf), pose.tip)
-    logged = [name for one in series for name in one.names]
+    logged = [name for part in series for name in part.names]
     if unknown := [name for name, _ in pose.joints if name not in logged]:
         raise InputError(f"{where}: has no joints {', '.join(unknown)}, which the entry renames")
-    series = [one.renamed(dict(pose.joints)) for one in series]
-    its = [one for one in (part.of_joints(list(joints)) for part in series) if one is not None]
-    present = [name for one in its for name in one.names]
+    series = [part.renamed(dict(pose.joints)) for part in series]
+    measured = [part for whole in series if (part := whole.of_joints(list(joints))) is not None]
+    present = [name for part in measured for name in part.names]
     if missing := [name for name in joints if name not in present]:
         raise InputError(
             f"{where}: lacks the joints {', '.join(missing)}, which move '{pose.tip}' in {pose.urdf}; it has "
             f"{', '.join(logged) or 'no names'}; `joints: {{recorded: in the URDF}}` maps names that differ"
         )
-    if unmeasured := [name for one in its if "joint_positions" not in one.values for name in one.names]:
+    without = (part for part in measured if "joint_positions" not in part.values)
+    if unmeasured := [name for part in without for name in part.names]:
         raise InputError(f"{where}: has no positions of the joints {', '.join(unmeasured)}")
-    ticks = shared_stamps([one.stamps for one in its])
+    ticks = shared_stamps([part.stamps for part in measured])
     if len(ticks) < 2:
         raise InputError(f"{where}: the joints {', '.join(present)} are not there at one time")
     columns: dict[str, np.ndarray] = {}
-    for one in its:
-        at, stamps = (ticks - ticks[0]).astype(float), (one.stamps - ticks[0]).astype(float)
-        sampled = linear(at, stamps, one.values["joint_positions"])
-        columns |= dict(zip(one.names, sampled.T, strict=True))
+    for part in measured:
+        at, stamps = (ticks - ticks[0]).astype(float), (part.stamps - ticks[0]).astype(float)
+        sampled = linear(at, stamps, part.values["joint_positions"])
+        columns |= dict(zip(part.names, sampled.T, strict=True))
     positions = np.stack([columns[name] for name in joints], axis=1)
     return Stream(pose.topic, "pose", ticks, _poses(model, frame, list(joints.values()), positions))
 

@@ -266,9 +266,11 @@ def read_runs(path: str | Path) -> list[Demonstration]:
             signals["true_segments"] = np.array(segments, dtype=float).reshape(-1, 2)
         signals["shapes"] = tuple(
             NamedShape(
-                one["name"], one["form"], *(np.array(one[key]) for key in ("position", "orientation", "size"))
+                shape["name"],
+                shape["form"],
+                *(np.array(shape[key]) for key in ("position", "orientation", "size")),
             )
-            for one in run.about["shapes"]
+            for shape in run.about["shapes"]
         )
         signals |= {"provenance": run.about["provenance"], "joint_names": tuple(run.about["joint_names"])}
         runs.append(Demonstration(run.name, run.columns["time"], **signals))
@@ -278,12 +280,12 @@ def read_runs(path: str | Path) -> list[Demonstration]:
 def write_streams(recordings: Sequence[Recording], target: str | Path) -> None:
     """Publish the streams of recordings, one series each, stamps in ns; without shapes and joint names."""
     series = []
-    for one in recordings:
-        for place, stream in enumerate(one.streams):
+    for recording in recordings:
+        for place, stream in enumerate(recording.streams):
             columns = columns_of("value", stream.values, range(stream.values.shape[1]))
-            about = {"recording": one.name, "topic": stream.topic, "kind": stream.kind}
-            known = about | {"provenance": dict(one.provenance)}
-            series.append(Series(f"{one.name} {place}", {"stamp": stream.stamps} | columns, known))
+            about = {"recording": recording.name, "topic": stream.topic, "kind": stream.kind}
+            known = about | {"provenance": dict(recording.provenance)}
+            series.append(Series(f"{recording.name} {place}", {"stamp": stream.stamps} | columns, known))
     write_series(series, {"stamp": "ns", "value": "as `recording.Stream` has it"}, target)
 
 
@@ -291,10 +293,10 @@ def read_streams(path: str | Path) -> list[Recording]:
     """Read the file of `write_streams`."""
     streams: dict[str, list[Stream]] = {}
     provenance = {}
-    for one in read_series(path):
-        about = one.about
-        values = one.stacked([name for name in one.columns if name != "stamp"])
-        stream = Stream(about["topic"], about["kind"], one.columns["stamp"], values)
+    for run in read_series(path):
+        about = run.about
+        values = run.stacked([name for name in run.columns if name != "stamp"])
+        stream = Stream(about["topic"], about["kind"], run.columns["stamp"], values)
         streams.setdefault(about["recording"], []).append(stream)
         provenance[about["recording"]] = about["provenance"]
-    return [Recording(name, tuple(its), provenance=provenance[name]) for name, its in streams.items()]
+    return [Recording(name, tuple(parts), provenance=provenance[name]) for name, parts in streams.items()]

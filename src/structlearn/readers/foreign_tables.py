@@ -34,10 +34,10 @@ class PublicSet:
 
     def files(self, folder: Path, pattern: str, kind: str) -> list[Path]:
         """Files below a folder in natural order of their paths. Raises MissingInputError: there are none."""
-        found = sorted(folder.rglob(pattern), key=lambda path: natural_order(path.as_posix()))
-        if not found:
+        paths = sorted(folder.rglob(pattern), key=lambda path: natural_order(path.as_posix()))
+        if not paths:
             raise MissingInputError(f"{folder}: holds no {kind}")
-        return found
+        return paths
 
     def provenance(self, root: Path, files: Sequence[Path]) -> dict[str, str]:
         """Provenance: origin "recorded", the set, and the files of a recording with their SHA-256."""
@@ -58,15 +58,15 @@ def natural_order(name: str) -> list[str | int]:
 
 def read_each(read: Callable[[Path], T], paths: Iterable[Path], left_out: LeftOut) -> list[T]:
     """Read files one by one; unreadable ones are left out if there is a dict for the reasons."""
-    found = []
+    contents = []
     for path in paths:
         try:
-            found.append(read(path))
+            contents.append(read(path))
         except InputError as error:
             if left_out is None:
                 raise
             left_out[f"{path.parent.name}/{path.name}"] = str(error)
-    return found
+    return contents
 
 
 def read_text(path: Path) -> str:
@@ -80,7 +80,7 @@ def read_text(path: Path) -> str:
         raise InputError(f"{path}: not a text file") from error
 
 
-def read_table(
+def read_text_table(
     path: str | Path, columns: int, separator: str | None = None, header_lines: int = 0
 ) -> np.ndarray:
     """(T, columns) float64 of a text file; separator None: whitespace. Blank lines are skipped."""
@@ -93,7 +93,7 @@ def read_stamped_table(
     """A table with times in s in the first column: (T,) int64 ns, and (T, columns - 1) float64.
 
     Times are parsed as decimal numbers, since float64 resolves Unix time in s to 240 ns only. Otherwise as
-    `read_table`.
+    `read_text_table`.
     """
     lines = _lines(path, separator, header_lines)
     stamps = [
@@ -127,8 +127,8 @@ def read_parquet(path: Path, needed: Sequence[str] | None = None) -> pd.DataFram
         if missing := [name for name in names if name not in schema.names]:
             raise InputError(f"{path}: has no column {', '.join(missing)}; it has {', '.join(schema.names)}")
         if len(set(schema.names)) < len(schema.names):
-            raise InputError(f"{path}: a column stands twice among {', '.join(schema.names)}")
-        words = [one.name for one in schema if one.type in (pyarrow.string(), pyarrow.binary())]
+            raise InputError(f"{path}: a column is defined twice among {', '.join(schema.names)}")
+        words = [column.name for column in schema if column.type in (pyarrow.string(), pyarrow.binary())]
         with pyarrow.parquet.ParquetFile(
             path, page_checksum_verification=True, read_dictionary=words
         ) as file:
@@ -155,14 +155,14 @@ def read_rows(path: Path, columns: Sequence[str]) -> list[tuple[str, dict[str, s
     header = [name.strip() for name in header]
     if missing := [name for name in columns if name not in header]:
         raise InputError(f"{path}: has no column {', '.join(missing)}")
-    found = []
+    rows_read = []
     for line, row in enumerate(rows, start=2):
         where = f"{path}: line {line}"
         if row and len(row) != len(header):
             raise InputError(f"{where} has {len(row)} columns, expected {len(header)}")
         if row:
-            found.append((where, dict(zip(header, map(str.strip, row), strict=True))))
-    return found
+            rows_read.append((where, dict(zip(header, map(str.strip, row), strict=True))))
+    return rows_read
 
 
 def finite_numbers(where: str, words: Sequence[str]) -> list[float]:

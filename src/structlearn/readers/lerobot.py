@@ -21,8 +21,8 @@ from structlearn.readers.clock import check_recording
 from structlearn.readers.computed_pose import joint_pose
 from structlearn.readers.demonstration import Kind, Recording, Stream
 from structlearn.readers.foreign_tables import read_parquet, read_text
-from structlearn.readers.joint_log import JointSeries
-from structlearn.readers.source import JointPose
+from structlearn.readers.joint_streams import JointSeries
+from structlearn.readers.topics import JointPose
 
 VERSION = "v3."
 POSE = ("x", "y", "z", "qw", "qx", "qy", "qz")
@@ -33,7 +33,7 @@ KINDS: Mapping[str, Kind] = {"joint_states": "joint_positions", "wrench": "wrenc
 
 def read_movement(folder: Path, entry: Any, left_out: dict[str, str]) -> list[Recording]:
     """Every episode, named by its number, with the signals of the entry's topics."""
-    topics, found = entry.topics, []
+    topics, recordings = entry.topics, []
     with holding(folder, "LeRobotDataset that can be read"):
         info = read_info(folder)
         features = info["features"]
@@ -42,10 +42,10 @@ def read_movement(folder: Path, entry: Any, left_out: dict[str, str]) -> list[Re
                 raise InputError(f"{folder}: has no feature {name}; it has {', '.join(features)}")
         signals = [(KINDS[role], name) for name, role in topics.roles() if role in KINDS]
         digits = len(str(info["total_episodes"] - 1))
-        for number, its in read_frames(folder, topics.topics).groupby(GROUPED_BY, sort=True):
+        for number, frames in read_frames(folder, topics.topics).groupby(GROUPED_BY, sort=True):
             name = f"episode {number:0{digits}d}"
-            stamps = np.round(1e9 * its["frame_index"].to_numpy() / float(info["fps"])).astype(np.int64)
-            columns = {feature: np.stack(its[feature].to_numpy()).astype(float) for feature in topics.topics}
+            stamps = np.round(1e9 * frames["frame_index"].to_numpy() / float(info["fps"])).astype(np.int64)
+            columns = {name: np.stack(frames[name].to_numpy()).astype(float) for name in topics.topics}
             provenance = {"origin": "recorded", "source": f"LeRobotDataset {folder.name}, {name}"}
             where = f"{folder}: {name}"
             if isinstance(topics.pose, JointPose):
@@ -65,9 +65,9 @@ def read_movement(folder: Path, entry: Any, left_out: dict[str, str]) -> list[Re
             for kind, feature in signals:
                 joints = _joints(features[feature]) if kind == "joint_positions" else ()
                 streams.append(Stream(feature, kind, stamps, columns[feature], joints))
-            found.append(Recording(name, tuple(streams), provenance=provenance))
-            check_recording(found[-1])
-    return found
+            recordings.append(Recording(name, tuple(streams), provenance=provenance))
+            check_recording(recordings[-1])
+    return recordings
 
 
 def read_info(folder: Path) -> Mapping[str, Any]:
@@ -94,10 +94,10 @@ def read_frames(folder: Path, features: list[str]) -> pd.DataFrame:
         raise InputError(f"{folder}/data: holds no file of frames")
     numbered, parts = [GROUPED_BY, "frame_index"], []
     for file in files:
-        its = read_parquet(file, [*numbered, *features])
-        if not all(pd.api.types.is_integer_dtype(its[name]) for name in numbered):
+        frames = read_parquet(file, [*numbered, *features])
+        if not all(pd.api.types.is_integer_dtype(frames[name]) for name in numbered):
             raise InputError(f"{file}: {' or '.join(numbered)} has something that is no whole number")
-        parts.append(its)
+        parts.append(frames)
     return pd.concat(parts, ignore_index=True).sort_values(numbered)
 
 

@@ -34,7 +34,6 @@ import pandas as pd
 from structlearn.core import quaternion
 from structlearn.core.artefacts import read_csv
 from structlearn.core.errors import InputError
-from structlearn.readers.bag import Bag
 from structlearn.readers.clock import NORM_TOLERANCE
 from structlearn.readers.demonstration import (
     FORMS,
@@ -53,8 +52,9 @@ from structlearn.readers.foreign_tables import (
     read_stamped_table,
     read_text,
 )
-from structlearn.readers.messages import FIELDS, LAST_STAMP, joint_messages, to_messages
-from structlearn.readers.source import METADATA, SHAPE_FILE
+from structlearn.readers.message_streams import FIELDS, LAST_STAMP, joint_messages, to_messages
+from structlearn.readers.raw_messages import Bag
+from structlearn.readers.source_files import METADATA, SHAPE_FILE
 
 # Topics of a table of poses as a bag, as far as it has their columns
 TABLE_TOPICS = {"pose": "/pose", "wrench": "/wrench", "joint_states": "/joint_states"}
@@ -63,12 +63,12 @@ TIME, POSITION = "time_s", ("x", "y", "z")
 ORIENTATION = ("qw", "qx", "qy", "qz")
 WRENCH = ("fx", "fy", "fz", "tx", "ty", "tz")
 SIZE = ("sx", "sy", "sz")
-UNDERSTOOD = ", ".join((*POSITION, *ORIENTATION, *WRENCH, *(f"{field}.NAME" for field in FIELDS.values())))
-UNDERSTOOD = f"columns may be {UNDERSTOOD}, comma-separated"
+_NAMES = (*POSITION, *ORIENTATION, *WRENCH, *(f"{field}.NAME" for field in FIELDS.values()))
+UNDERSTOOD = f"columns may be {', '.join(_NAMES)}, comma-separated"
 MOST_COLUMNS = 1000
 
-PLACE, FORCE, RUN = ("x_m", "y_m", "z_m"), "force_n", "run"
-UNITS = {TIME: "s", FORCE: "N"} | dict.fromkeys(PLACE, "m")
+PLACE, FORCE, RECORDING = ("x_m", "y_m", "z_m"), "force_n", "run"
+TOUCH_UNITS = {TIME: "s", FORCE: "N"} | dict.fromkeys(PLACE, "m")
 """Units of the columns that a table of touches may have besides channels."""
 
 
@@ -94,21 +94,24 @@ def read_pose_table(path: Path) -> Bag:
     if WRENCH[0] in columns:
         messages["wrench"] = to_messages(str(path), Stream("", "wrench", stamps, block(WRENCH)))
     fields = {}
-    joints = list(dict.fromkeys(name for one in FIELDS.values() for name in _joints(names, one)))
-    for kind, one in FIELDS.items():
-        its = _joints(names, one)
-        if its and (missing := [name for name in joints if name not in its]):
-            raise InputError(f"{path}: has {one}.{its[0]}, but not {one}.{missing[0]}")
-        if its:
-            fields[kind] = block(f"{one}.{joint}" for joint in joints)
+    joints = list(dict.fromkeys(name for prefix in FIELDS.values() for name in _joints(names, prefix)))
+    for kind, prefix in FIELDS.items():
+        having = _joints(names, prefix)
+        if having and (missing := [name for name in joints if name not in having]):
+            raise InputError(f"{path}: has {prefix}.{having[0]}, but not {prefix}.{missing[0]}")
+        if having:
+            fields[kind] = block(f"{prefix}.{joint}" for joint in joints)
     if joints:
         messages["joint_states"] = joint_messages(str(path), joints, stamps, fields)
     provenance = {"origin": "recorded", "source": path.name}
     if not oriented:
         provenance["orientation"] = "not recorded"
     return Bag(
-        {TABLE_TOPICS[role]: [one.name for one in its.schemas[:1] if one] for role, its in messages.items()},
-        {TABLE_TOPICS[role]: its for role, its in messages.items()},
+        {
+            TABLE_TOPICS[role]: [schema.name for schema in raw.schemas[:1] if schema]
+            for role, raw in messages.items()
+        },
+        {TABLE_TOPICS[role]: raw for role, raw in messages.items()},
         {"provenance": json.dumps(provenance, sort_keys=True), "true_segments": "null"},
     )
 
@@ -172,7 +175,7 @@ def read_shapes(path: Path) -> tuple[NamedShape, ...]:
     shapes = []
     columns = (*POSITION, *ORIENTATION, *SIZE)
     for where, row in read_rows(path, ("name", "form", *columns)):
-        form = next((one for one in FORMS if one == row["form"]), None)
+        form = next((name for name in FORMS if name == row["form"]), None)
         if form is None:
             raise InputError(f"{where}: form is '{row['form']}', not one of {', '.join(FORMS)}")
         values = np.array(finite_numbers(where, [row[name] for name in columns]))
@@ -216,8 +219,8 @@ def touch_tables(source: Path) -> list[Path]:
     if not source.exists():
         raise InputError(f"{source}: no such file or folder")
     paths = [path for path in (source.iterdir() if source.is_dir() else [source]) if path.is_file()]
-    found = [path for path in paths if path.suffix in (".csv", ".parquet") and not path.name.startswith(".")]
-    return sorted(found, key=lambda path: natural_order(path.stem))
+    tables = [path for path in paths if path.suffix in (".csv", ".parquet") and not path.name.startswith(".")]
+    return sorted(tables, key=lambda path: natural_order(path.stem))
 
 
 def write_touch_logs(logs: Sequence[TouchLog], target: str | Path) -> None:
@@ -230,17 +233,17 @@ def write_touch_logs(logs: Sequence[TouchLog], target: str | Path) -> None:
             columns |= dict(zip(PLACE, log.place.T, strict=True))
         columns |= dict(zip(log.channels, log.counts.T, strict=True))
         series.append(Series(log.name, columns, log.provenance))
-    write_series(series, UNITS | {name: "counts" for log in logs for name in log.channels}, target)
+    write_series(series, TOUCH_UNITS | {name: "counts" for log in logs for name in log.channels}, target)
 
 
 def read_touch_logs(path: str | Path) -> list[TouchLog]:
     """Read the table of `write_touch_logs`."""
     logs = []
-    for one in read_series(path):
-        channels = tuple(name for name in one.columns if name not in UNITS)
-        place = one.stacked(PLACE) if PLACE[-1] in one.columns else None
-        time, force = one.columns.get(TIME), one.columns.get(FORCE)
-        logs.append(TouchLog(one.name, channels, one.stacked(channels), place, time, force, dict(one.about)))
+    for run in read_series(path):
+        channels = tuple(name for name in run.columns if name not in TOUCH_UNITS)
+        place = run.stacked(PLACE) if PLACE[-1] in run.columns else None
+        time, force = run.columns.get(TIME), run.columns.get(FORCE)
+        logs.append(TouchLog(run.name, channels, run.stacked(channels), place, time, force, dict(run.about)))
     return logs
 
 
@@ -250,7 +253,7 @@ def read_touch_table(path: Path, channels: Sequence[str] | None) -> list[TouchLo
     Raises InputError naming file, row (from 0) and column.
     """
     table = read_csv(path) if path.suffix == ".csv" else read_parquet(path)
-    own = tuple(name for name in table.columns if name not in (*UNITS, RUN))
+    own = tuple(name for name in table.columns if name not in (*TOUCH_UNITS, RECORDING))
     names = own if channels is None else tuple(channels)
     if missing := [name for name in names if name not in table.columns]:
         raise InputError(
@@ -266,10 +269,11 @@ def read_touch_table(path: Path, channels: Sequence[str] | None) -> list[TouchLo
     if not missing and PLACE[2] not in table.columns:
         table[PLACE[2]] = 0.0
     logs = []
-    for name, its in table.groupby(RUN, observed=True) if RUN in table.columns else [(path.stem, table)]:
-        place = None if missing else its[list(PLACE)].to_numpy(float)
-        time, force = (its[key].to_numpy(float) if key in its.columns else None for key in (TIME, FORCE))
-        logs.append(TouchLog(str(name), names, its[list(names)].to_numpy(float), place, time, force))
+    several = RECORDING in table.columns
+    for name, rows in table.groupby(RECORDING, observed=True) if several else [(path.stem, table)]:
+        place = None if missing else rows[list(PLACE)].to_numpy(float)
+        time, force = (rows[key].to_numpy(float) if key in rows.columns else None for key in (TIME, FORCE))
+        logs.append(TouchLog(str(name), names, rows[list(names)].to_numpy(float), place, time, force))
     return logs
 
 

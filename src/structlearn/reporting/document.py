@@ -1,9 +1,10 @@
-"""Pages as documents: templates hold the sentences; Python supplies figures, tables, claims and numbers.
+"""Pages as documents: templates hold the sentences; Python supplies figures, tables and numbers.
 
 Templates call `{% call section("Heading") %}`, `{{ figure("name", "Caption.", "what one sees") }}`,
 `{{ table("name", "Caption.") }}`, numbers such as `{{ error | f(".2f") }}`,
-`{{ recording("name", "what it shows") }}`, `{% call fold("Further tables") %}` and more: see `Scribe`.
+`{{ recording("name", "what it shows") }}`, `{% call fold("Further tables") %}` and more: see `PageHelpers`.
 `document.html.jinja` has the blocks that a template fills: title, opening, sections, folded.
+A project with more to say on every page extends `Document`, `PageHelpers` and that template.
 
 A page needs no network and no script; its figures, tables and recordings are files beside it. Equal contents
 at one commit give equal bytes: there are no wall times, and the only date is that of the data.
@@ -20,12 +21,12 @@ from typing import Any
 
 import numpy as np
 import pandas as pd
-from jinja2 import ChoiceLoader, Environment, PackageLoader, StrictUndefined
+from jinja2 import ChoiceLoader, Environment, PackageLoader, PrefixLoader, StrictUndefined
 from markupsafe import Markup
 
 from structlearn.core.params import Parameters
 from structlearn.reporting import prose
-from structlearn.reporting.claims import VERDICTS, Judged, OnRecordings, in_words, verdict_counts
+from structlearn.reporting.evidence import in_words
 
 MISSING = "\N{EN DASH}"
 UNKNOWN_COMMIT = "unknown commit"
@@ -64,23 +65,28 @@ class Document:
     """Contents of a page."""
 
     template: str  # file name in `package`
-    package: str  # of the testbed's page, e.g. `structlearn.testbeds.obstacles.page`
+    package: str  # of the testbed's page, e.g. `dissertation.obstacles.page`
     stage: str = ""  # that makes its figures and tables
     facts: Mapping[str, object] = field(default_factory=dict)  # values for the template's sentences
     tables: Mapping[str, Table] = field(default_factory=dict)
-    judged: Sequence[Judged] = ()  # claims with their verdicts
     sources: Mapping[str, Source] = field(default_factory=dict)  # for `source=` of figures and tables
     parameters: Mapping[str, Parameters] = field(default_factory=dict)  # keyed as in `params.yaml`
     recordings: str = ""  # folder of the .rrd files, relative to the page
     simulated: bool = False  # whether to label it as simulated
-    recorded: Sequence[OnRecordings] = ()  # statements that were also tested on recorded data
-    basis: str = ""  # sentence on the provenance of verdicts from studies
-    root: str = ".."  # folder of the front page, relative to this page
+    clone: str = "."  # folder of the sources, whose commit the footer names
     command: str = ""  # that makes the page; default `dvc repro STAGE`
+
+    def environment(self) -> Environment:
+        """Jinja environment of the page's templates."""
+        return environment(self.package)
+
+    def helpers(self, figures: Mapping[str, Sequence[Panel]]) -> "PageHelpers":
+        """Functions for the page's templates."""
+        return PageHelpers(self, figures)
 
 
 @dataclass(frozen=True)
-class Made:
+class Provenance:
     """Provenance of a page, for its footer."""
 
     commit: str
@@ -88,7 +94,7 @@ class Made:
     command: str = ""
 
 
-class Scribe:
+class PageHelpers:
     """Functions for page templates; unknown figures, tables and sources are errors.
 
     `section` and `fold` take their content as a call block; captions may be call blocks too.
@@ -97,7 +103,7 @@ class Scribe:
     def __init__(self, document: Document, figures: Mapping[str, Sequence[Panel]]) -> None:
         self._document = document
         self._figures = figures
-        self._parts: Any = environment(document.package).get_template("parts.html.jinja").module
+        self._parts: Any = document.environment().get_template("parts.html.jinja").module
         self.contents: list[tuple[str, str]] = []
 
     def section(self, heading: str, caller: Callable[[], Markup]) -> Markup:
@@ -135,17 +141,6 @@ class Scribe:
         shown = self._document.tables[name]
         return self._parts.table(name, shown, caption, self._sources(source), self._document.stage, folded)
 
-    def verdicts(self) -> Markup:
-        """Table of verdicts below their counts, grouped by data set if there are several."""
-        judged = self._document.judged
-        counts = {by: verdict_counts(judged, by) for by in ("published", "ours")}
-        several = any(one.heading for one in judged)
-        return (self._parts.verdicts_by_set if several else self._parts.verdicts)(judged, counts, VERDICTS)
-
-    def on_recordings(self) -> Markup:
-        """Table of statements that were also tested on recorded data."""
-        return self._parts.on_recordings(self._document.recorded)
-
     def recording(self, name: str, note: str) -> Markup:
         """Link to a recording, with a note on its contents."""
         return self._parts.recording(f"{self._document.recordings}/{name}.rrd", name, note)
@@ -155,11 +150,14 @@ class Scribe:
         return self._parts.rows(parameter_table(self._document.parameters))
 
     def footer(self) -> Markup:
-        """Links to the other pages, and this page's provenance."""
+        """This page's provenance."""
+        return self._parts.footer(self._provenance())
+
+    def _provenance(self) -> Provenance:
         document = self._document
         paths = [Path(source.path) for source in document.sources.values()]
         command = document.command or (f"dvc repro {document.stage}" if document.stage else "")
-        return self._parts.footer(document.root, Made(source_commit(), date_of(paths), command))
+        return Provenance(source_commit(root=Path(document.clone)), date_of(paths), command)
 
     def _sources(self, names: str) -> list[Source]:
         return [self._document.sources[name] for name in names.split()]
@@ -171,19 +169,24 @@ def render(document: Document, figures: Mapping[str, Sequence[Panel]]) -> str:
     Raises jinja2.UndefinedError or KeyError: the template uses a value, figure, table or source that is
     missing.
     """
-    template = environment(document.package).get_template(document.template)
-    scribe = Scribe(document, figures)
-    given = {name: getattr(scribe, name) for name in dir(Scribe) if not name.startswith("_")}
+    template, helpers = document.environment().get_template(document.template), document.helpers(figures)
+    given = {name: getattr(helpers, name) for name in dir(type(helpers)) if not name.startswith("_")}
     given |= {"document": document, **document.facts}
     template.render(given, contents=[])
-    return template.render(given, contents=scribe.contents.copy())
+    return template.render(given, contents=helpers.contents.copy())
 
 
 @lru_cache
-def environment(package: str) -> Environment:
-    """Jinja environment of a page's package and this one, with escaping; undefined names are errors."""
+def environment(*packages: str) -> Environment:
+    """Jinja environment with escaping; undefined names are errors.
+
+    Templates are searched for in the packages, in order, then in this one; `reporting/NAME` is always this
+    one's, so that a template can extend the one that it replaces.
+    """
+    own = PackageLoader("structlearn.reporting")
+    folders = [PackageLoader(package, "") for package in packages]
     made = Environment(
-        loader=ChoiceLoader([PackageLoader(package, ""), PackageLoader("structlearn.reporting")]),
+        loader=ChoiceLoader([*folders, own, PrefixLoader({"reporting": own})]),
         autoescape=True,
         undefined=StrictUndefined,
         trim_blocks=True,

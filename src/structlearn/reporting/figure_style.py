@@ -121,12 +121,6 @@ def save(drawing: Drawing, path: Path) -> tuple[Path, tuple[int, int]]:
     return path, picture.size
 
 
-def legend_above(figure: Figure, axes: Axes, columns: int = 6) -> None:
-    """Add one legend above the whole figure, with the labels of one of its axes."""
-    handles, labels = axes.get_legend_handles_labels()
-    figure.legend(handles, labels, loc="outside upper left", ncols=columns, columnspacing=1.6)
-
-
 def finish_space(space: Axes3D, above: Axes, points: np.ndarray) -> None:
     """Set labels, views and limits of both panels for points (N, 3) mm; the 3-D panel has equal scales."""
     low, high = points.min(axis=0), points.max(axis=0)

@@ -6,8 +6,8 @@ A report computes its findings before it draws figures:
     find.mean("cost_ratio", {"10 degrees": ratios}, headline=True)   # a row per case
     find.exact("rnea_max_error", 1e-13, unit="N m")
 
-They are written to `findings.csv`. Claims refer to rows (`evidence: cost_ratio`), templates to their values
-(`{{ cost_ratio_level | f(".2f") }}`, see `values_by_key`), and `metrics.json` has the headlines.
+They are written to `findings.csv`. Templates refer to their values (`{{ cost_ratio_level | f(".2f") }}`, see
+`values_by_key`), and `metrics.json` has the headlines.
 """
 
 import math
@@ -20,8 +20,8 @@ import numpy as np
 import pandas as pd
 
 from structlearn.core.artefacts import Metrics, read_csv
-from structlearn.reporting import claims
-from structlearn.reporting.claims import UNKNOWN, Evidence, Found, unknown
+from structlearn.reporting import evidence
+from structlearn.reporting.evidence import UNKNOWN, Evidence, Found, unknown
 
 COLUMNS = ["name", "case", "value", "low", "high", "n", "unit", "population", "headline", "study", "reason"]
 
@@ -97,7 +97,7 @@ class Findings(Mapping[str, Found]):
             return self.add(name, make(*given) if _there(given) else lacking, **row)
         cases = {str(case): one if isinstance(one, tuple) else (one,) for case, one in given[0].items()}
         there = {case: one for case, one in cases.items() if _there(one)}
-        many = {} if make in (claims.exact, claims.counted) else {"comparisons": len(there)}
+        many = {} if make in (evidence.exact, evidence.exact_count) else {"comparisons": len(there)}
         found = {case: make(*one, **many) if case in there else lacking for case, one in cases.items()}
         return self.add(name, found, **row)
 
@@ -105,14 +105,14 @@ class Findings(Mapping[str, Found]):
         """Add a row without a number, and the reason."""
         return self.add(name, unknown(reason))
 
-    exact = _finder(claims.exact)
-    mean = _finder(claims.mean)
-    difference = _finder(claims.difference)
-    geometric_mean = _finder(claims.geometric_mean)
-    share = _finder(claims.share)
-    clustered_share = _finder(claims.clustered_share)
-    rate_difference = _finder(claims.rate_difference)
-    counted = _finder(claims.counted)
+    exact = _finder(evidence.exact)
+    mean = _finder(evidence.mean)
+    difference = _finder(evidence.difference)
+    geometric_mean = _finder(evidence.geometric_mean)
+    share = _finder(evidence.share)
+    clustered_share = _finder(evidence.clustered_share)
+    rate_difference = _finder(evidence.rate_difference)
+    exact_count = _finder(evidence.exact_count)
 
     def __getitem__(self, name: str) -> Found:
         return self._rows[name].found

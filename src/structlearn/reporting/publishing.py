@@ -1,15 +1,11 @@
 """Publishing a testbed's report: pages with their figures and tables, findings and metrics."""
 
 from collections.abc import Mapping, Sequence
-from dataclasses import replace
 from functools import partial
 from pathlib import Path
 
-import pandas as pd
-
 from structlearn.core.artefacts import publish, write_csv, write_metrics
 from structlearn.core.parallel import parallel_map
-from structlearn.reporting.claims import Judged, claim_metrics, claims_table, on_recordings
 from structlearn.reporting.document import Document, Panel, Table, render
 from structlearn.reporting.figure_style import Drawing, save
 from structlearn.reporting.findings import Findings, values_by_key
@@ -23,13 +19,12 @@ def publish_report(
     drawings: Mapping[str, Drawing | Sequence[Drawing]],
     tables: Mapping[str, Table],
     find: Findings,
-    recorded: pd.DataFrame | None = None,
+    metrics: Mapping[str, int] | None = None,
 ) -> None:
     """Publish `NAME.html`, `figures/`, `tables/`, `findings.csv` and `metrics.json`.
 
-    A sequence of drawings is a figure with several panels; a table `claims` is added. `find`: every number
-    that the pages state; headlines go to `metrics.json` with the counts of verdicts. `recorded`: claims about
-    recorded data, to show beside statements tested on them too.
+    A sequence of drawings is a figure with several panels. `find`: every number that the pages state;
+    headlines go to `metrics.json`, followed by further `metrics`.
 
     Raises ValueError: there are more than `HEADLINES` headlines.
     """
@@ -37,9 +32,6 @@ def publish_report(
     if (marked := int((found["headline"] & found["value"].notna()).sum())) > HEADLINES:
         raise ValueError(f"{marked} headlines are more than {HEADLINES}")
     folder = Path(folder)
-    shown = {id(one): one for page in pages.values() for one in page.judged}  # pages may share claims
-    judged: list[Judged] = list(shown.values())
-    both = [] if recorded is None else on_recordings(recorded, folder.name, claims_table(judged))
     with publish(folder / "figures") as target:
         target.mkdir()
         figures = _figures(drawings, target)
@@ -47,15 +39,12 @@ def publish_report(
         target.mkdir()
         for name, table in tables.items():
             write_csv(table.frame, target / f"{name}.csv")
-        if judged:
-            write_csv(claims_table(judged), target / "claims.csv")
     write_csv(found, folder / "findings.csv")
     headlines_found = values_by_key(found[found["headline"]])
-    write_metrics(headlines_found | claim_metrics(judged), folder / "metrics.json")
+    write_metrics({**headlines_found, **(metrics or {})}, folder / "metrics.json")
     for name, page in pages.items():
-        its = [one for one in both if one.counterpart.page == name]
         with publish(folder / f"{name}.html") as target:
-            target.write_text(render(replace(page, recorded=its), figures), encoding="utf-8")
+            target.write_text(render(page, figures), encoding="utf-8")
 
 
 def _figures(drawings: Mapping[str, Drawing | Sequence[Drawing]], folder: Path) -> dict[str, list[Panel]]:

@@ -5,19 +5,14 @@ from .dynamics_models import (
     write_dynamics_models as write_dynamics_models,
 )
 from .identification import fit_structure as fit_structure, least_squares as least_squares
-from .inertia_parameters import draw as draw, link_inertias as link_inertias
+from .inertia_parameters import link_inertias as link_inertias, sample_parameters as sample_parameters
 from .arm_kinematics import Arm as Arm, Follower as Follower, follow as follow, read_arm as read_arm
 from .motion import Motion as Motion, measured_motion as measured_motion
 from .network_models import (
     StackedLagrangianNetworks as StackedLagrangianNetworks,
     StackedPerceptrons as StackedPerceptrons,
 )
-from .newton_euler import inverse_dynamics as inverse_dynamics
 from .regressor import link_parameters as link_parameters, torque_regressor as torque_regressor
-from .tree import (
-    KinematicTree as KinematicTree,
-    LinkInertias as LinkInertias,
-    Robot as Robot,
-    read_urdf as read_urdf,
-)
+from .robot import Robot as Robot, read_urdf as read_urdf
+from .tree import KinematicTree as KinematicTree, LinkInertias as LinkInertias
 from .urdf import write_urdf as write_urdf

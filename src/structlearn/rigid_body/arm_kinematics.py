@@ -26,7 +26,8 @@ import pinocchio
 
 from structlearn.core import quaternion
 from structlearn.core.errors import InputError
-from structlearn.rigid_body.tree import KinematicTree, configuration, read_model, robot_of
+from structlearn.rigid_body.robot import configuration, read_model, robot_of
+from structlearn.rigid_body.tree import KinematicTree
 from structlearn.rigid_body.urdf import mesh_folders
 
 CONVERGED = 1e-9  # m and rad; then the third derivative of joints sampled at 5 ms is accurate to 0.01 rad/s^3

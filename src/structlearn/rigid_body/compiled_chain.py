@@ -6,7 +6,7 @@ Everything is expressed in the base frame about its origin, where inertias and f
 up: the mass matrix (composite rigid bodies) and the bias (Newton-Euler) come out of one pass to the tip and
 one back. Screws, twists and wrenches are angular part first: (w, v) and (torque, force).
 
-    robot, work = body(tree, inertias), workspace(count)
+    robot, work = robot_arrays(tree, inertias), workspace(count)
     dynamics(robot, q, v, work)               # frames, screws, M and b at this state
     step(robot, q, v, torques, dt, work)      # semi-implicit Euler; the workspace is then at the new state
 """
@@ -17,21 +17,7 @@ import numpy as np
 
 from structlearn.core.compilation import compiled_inside, cross, numba
 from structlearn.rigid_body.compiled_dynamics import joint_placement
-from structlearn.rigid_body.tree import Chain, KinematicTree, LinkInertias
-
-
-class Body(NamedTuple):
-    """A fixed-base robot for compiled functions; undocumented fields are those of `KinematicTree`."""
-
-    parents: np.ndarray
-    rotation: np.ndarray
-    translation: np.ndarray
-    axis: np.ndarray
-    prismatic: np.ndarray
-    gravity: np.ndarray
-    mass: np.ndarray  # (n,) kg
-    centre: np.ndarray  # (n, 3) m, centre of mass in the joint frame
-    inertia: np.ndarray  # (n, 3, 3) kg m^2, about the centre of mass, axes of the joint frame
+from structlearn.rigid_body.tree import RobotArrays
 
 
 class Workspace(NamedTuple):
@@ -43,23 +29,14 @@ class Workspace(NamedTuple):
     mass_matrix: np.ndarray  # (n, n) M; overwritten with its factor by `accelerations`
     bias: np.ndarray  # (n,) b in N m or N
     twist: np.ndarray  # (n, 6) of each link
-    push: np.ndarray  # (n, 6) acceleration of each link at qdd = 0; gravity counts as upward acceleration
+    bias_acceleration: (
+        np.ndarray
+    )  # (n, 6) acceleration of each link at qdd = 0; gravity counts as upward acceleration
     # (n, 10) inertia of each link and its subtree: mass, first moment, xx, xy, xz, yy, yz, zz
     composite: np.ndarray
     wrench: np.ndarray  # (n, 6) wrench that gives the subtree these accelerations
     turn: np.ndarray  # (3, 3) scratch
     offset: np.ndarray  # (3,) scratch
-
-
-def body(tree: KinematicTree, inertias: LinkInertias) -> Body:
-    """Arrays of a kinematic tree and its links' inertias; all masses must be positive."""
-    mass = np.ascontiguousarray(inertias.mass, dtype=float)
-    return Body(
-        *Chain.of(tree),
-        mass=mass,
-        centre=np.ascontiguousarray(inertias.first_moment / mass[:, None], dtype=float),
-        inertia=np.ascontiguousarray(inertias.inertia, dtype=float),
-    )
 
 
 def workspace(count: int) -> Workspace:
@@ -70,7 +47,9 @@ def workspace(count: int) -> Workspace:
 
 
 @numba.njit(cache=True, error_model="numpy")
-def step(body: Body, q: np.ndarray, v: np.ndarray, torques: np.ndarray, dt: float, work: Workspace) -> None:
+def step(
+    robot: RobotArrays, q: np.ndarray, v: np.ndarray, torques: np.ndarray, dt: float, work: Workspace
+) -> None:
     """Advance q and v (n,) by a semi-implicit Euler step of dt s, as PyBullet does.
 
     Torques (n,) are overwritten with the accelerations. The workspace must hold `dynamics` at q and v, and
@@ -80,7 +59,7 @@ def step(body: Body, q: np.ndarray, v: np.ndarray, torques: np.ndarray, dt: floa
     for j in range(len(q)):
         v[j] += dt * torques[j]
         q[j] += dt * v[j]
-    dynamics(body, q, v, work)
+    dynamics(robot, q, v, work)
 
 
 @numba.njit(cache=True, error_model="numpy")
@@ -93,17 +72,17 @@ def accelerations(work: Workspace, torques: np.ndarray) -> None:
 
 
 @numba.njit(cache=True, error_model="numpy")
-def dynamics(body: Body, q: np.ndarray, v: np.ndarray, work: Workspace) -> None:
+def dynamics(robot: RobotArrays, q: np.ndarray, v: np.ndarray, work: Workspace) -> None:
     """Fill the workspace at positions and velocities (n,) of the joints."""
     count = len(q)
-    kinematics(body, q, work)
+    kinematics(robot, q, work)
     for j in range(count):
-        _move(body.parents[j], body.gravity, v[j], j, work)
-        _carry(body.mass[j], body.centre[j], body.inertia[j], j, work)
+        _move(robot.parents[j], robot.gravity, v[j], j, work)
+        _carry(robot.mass[j], robot.centre[j], robot.inertia[j], j, work)
         for i in range(count):
             work.mass_matrix[j, i] = 0.0
     for j in range(count - 1, -1, -1):
-        parent, screw, wrench = body.parents[j], work.screw[j], work.wrench[j]
+        parent, screw, wrench = robot.parents[j], work.screw[j], work.wrench[j]
         work.bias[j] = _power(screw, wrench)
         momentum = _momentum(work.composite[j], screw)
         i = j
@@ -111,7 +90,7 @@ def dynamics(body: Body, q: np.ndarray, v: np.ndarray, work: Workspace) -> None:
             entry = _power(work.screw[i], momentum)
             work.mass_matrix[i, j] = entry
             work.mass_matrix[j, i] = entry
-            i = body.parents[i]
+            i = robot.parents[i]
         if parent >= 0:
             for k in range(6):
                 work.wrench[parent, k] += wrench[k]
@@ -120,12 +99,12 @@ def dynamics(body: Body, q: np.ndarray, v: np.ndarray, work: Workspace) -> None:
 
 
 @numba.njit(cache=True, error_model="numpy")
-def kinematics(body: Body, q: np.ndarray, work: Workspace) -> None:
+def kinematics(robot: RobotArrays, q: np.ndarray, work: Workspace) -> None:
     """Fill frames, origins and screws at positions (n,) of the joints."""
     for j in range(len(q)):
-        parent, frame, place = body.parents[j], work.frame[j], work.place[j]
+        parent, frame, place = robot.parents[j], work.frame[j], work.place[j]
         turn, offset = work.turn, work.offset
-        joint_placement(body, j, q[j], turn, offset)
+        joint_placement(robot, j, q[j], turn, offset)
         for row in range(3):
             if parent < 0:
                 place[row] = offset[row]
@@ -136,11 +115,11 @@ def kinematics(body: Body, q: np.ndarray, work: Workspace) -> None:
                 if parent >= 0:
                     above = work.frame[parent, row]
                     frame[row, k] = above[0] * turn[0, k] + above[1] * turn[1, k] + above[2] * turn[2, k]
-        own = body.axis[j]
+        own = robot.axis[j]
         axis = (_row(frame, 0, own), _row(frame, 1, own), _row(frame, 2, own))
-        linear = axis if body.prismatic[j] else cross(place, axis)
+        linear = axis if robot.prismatic[j] else cross(place, axis)
         for k in range(3):
-            work.screw[j, k] = 0.0 if body.prismatic[j] else axis[k]
+            work.screw[j, k] = 0.0 if robot.prismatic[j] else axis[k]
             work.screw[j, 3 + k] = linear[k]
 
 
@@ -192,21 +171,21 @@ def _power(screw: np.ndarray, wrench: np.ndarray | tuple) -> float:
 @compiled_inside
 def _move(parent: int, gravity: np.ndarray, speed: float, j: int, work: Workspace) -> None:
     """Write a link's twist and its acceleration at qdd = 0, from those of its parent."""
-    twist, push, screw = work.twist[j], work.push[j], work.screw[j]
+    twist, bias_acceleration, screw = work.twist[j], work.bias_acceleration[j], work.screw[j]
     for k in range(3):
-        push[k] = 0.0
-        push[3 + k] = -gravity[k]
+        bias_acceleration[k] = 0.0
+        bias_acceleration[3 + k] = -gravity[k]
     for k in range(6):
         twist[k] = speed * screw[k]
         if parent >= 0:
             twist[k] += work.twist[parent, k]
-            push[k] = work.push[parent, k]
+            bias_acceleration[k] = work.bias_acceleration[parent, k]
     w, v = (twist[0], twist[1], twist[2]), (twist[3], twist[4], twist[5])
     own_w, own_v = (screw[0], screw[1], screw[2]), (screw[3], screw[4], screw[5])
-    angular, sweep, lift = cross(w, own_w), cross(w, own_v), cross(v, own_w)
+    angular, linear, centripetal = cross(w, own_w), cross(w, own_v), cross(v, own_w)
     for k in range(3):
-        push[k] += speed * angular[k]
-        push[3 + k] += speed * (sweep[k] + lift[k])
+        bias_acceleration[k] += speed * angular[k]
+        bias_acceleration[3 + k] += speed * (linear[k] + centripetal[k])
 
 
 @compiled_inside
@@ -233,7 +212,7 @@ def _carry(mass: float, centre: np.ndarray, inertia: np.ndarray, j: int, work: W
     own[8] = _row(frame, 2, turn[1]) - mass * c[1] * c[2]
     own[9] = _row(frame, 2, turn[2]) + mass * (c[0] * c[0] + c[1] * c[1])
     twist = work.twist[j]
-    momentum, force = _momentum(own, twist), _momentum(own, work.push[j])
+    momentum, force = _momentum(own, twist), _momentum(own, work.bias_acceleration[j])
     w, v = (twist[0], twist[1], twist[2]), (twist[3], twist[4], twist[5])
     angular, linear = (momentum[0], momentum[1], momentum[2]), (momentum[3], momentum[4], momentum[5])
     turning, pulling, moving = cross(w, angular), cross(v, linear), cross(w, linear)

@@ -1,35 +1,19 @@
 """Compiled inverse dynamics of a single state, for control loops.
 
 Rigid-body models, perceptrons and Lagrangian networks share one type, so one compiled loop takes all three.
-The batched, differentiable references are `newton_euler` and `network_models`. Inertias are first moved to
-the joint origins (parallel axes), where the recursion needs only the first moment h = m c.
+Inertias are about the joint origins, where the recursion needs only the first moment h = m c.
 """
 
 import math
 from collections.abc import Sequence
-from typing import Any, NamedTuple, get_args
+from typing import NamedTuple, get_args
 
 import numpy as np
 
 from structlearn.core.compilation import cross, numba
 from structlearn.networks.compiled_layers import affine, hidden_layers
 from structlearn.rigid_body.friction import COULOMB_WIDTH, FrictionTerm
-from structlearn.rigid_body.tree import Chain, KinematicTree, LinkInertias
-
-
-class RigidBodies(NamedTuple):
-    """Links and joints for compiled functions; undocumented fields are those of `KinematicTree`."""
-
-    parents: np.ndarray
-    rotation: np.ndarray
-    translation: np.ndarray
-    axis: np.ndarray
-    prismatic: np.ndarray
-    gravity: np.ndarray
-    mass: np.ndarray  # (n,) kg
-    moment: np.ndarray  # (n, 3) kg m, mass times centre of mass
-    inertia: np.ndarray  # (n, 3, 3) kg m^2, about the joint frame's origin; need not be symmetric
-    friction: np.ndarray  # (4, n) as `friction_rows`
+from structlearn.rigid_body.tree import KinematicTree, LinkInertias, RobotArrays, robot_arrays
 
 
 def inverse_dynamics(
@@ -41,17 +25,11 @@ def inverse_dynamics(
 
     Raises ValueError: friction has another shape, so that compiled functions would read out of bounds.
     """
-    mass, moment = (np.asarray(its, dtype=float) for its in (inertias.mass, inertias.first_moment))
-    squares = np.einsum("ni,ni->n", moment, moment)[:, None, None] * np.eye(3)
-    about_origin = (
-        inertias.inertia + (squares - moment[:, :, None] * moment[:, None, :]) / mass[:, None, None]
-    )
     expected = (len(get_args(FrictionTerm)), len(tree.names))
-    rubbing = np.zeros(expected) if friction is None else friction
-    if rubbing.shape != expected:
-        raise ValueError(f"friction has the shape {rubbing.shape}, not {expected}")
-    arrays = (np.array(array, dtype=float) for array in (mass, moment, about_origin, rubbing))
-    return InverseDynamics(BODIES, RigidBodies(*Chain.of(tree), *arrays), NO_NETWORKS)
+    rows = np.zeros(expected) if friction is None else np.array(friction, dtype=float)
+    if rows.shape != expected:
+        raise ValueError(f"friction has the shape {rows.shape}, not {expected}")
+    return InverseDynamics(BODIES, robot_arrays(tree, inertias), NO_NETWORKS, rows)
 
 
 def friction_rows(coefficients: np.ndarray, terms: Sequence[FrictionTerm]) -> np.ndarray:
@@ -66,13 +44,10 @@ def friction_rows(coefficients: np.ndarray, terms: Sequence[FrictionTerm]) -> np
 
 
 @numba.njit(cache=True, inline="always")
-def joint_placement(chain: Any, joint: int, q: float, turn: np.ndarray, offset: np.ndarray) -> None:
-    """Write rotation `turn` (3, 3) and origin `offset` (3,) of a joint frame in its parent's frame.
-
-    `chain` is a `RigidBodies` or a `compiled_chain.Body`.
-    """
-    rotation, translation, axis = chain.rotation[joint], chain.translation[joint], chain.axis[joint]
-    if chain.prismatic[joint]:
+def joint_placement(robot: RobotArrays, joint: int, q: float, turn: np.ndarray, offset: np.ndarray) -> None:
+    """Write rotation `turn` (3, 3) and origin `offset` (3,) of a joint frame in its parent's frame."""
+    rotation, translation, axis = robot.rotation[joint], robot.translation[joint], robot.axis[joint]
+    if robot.prismatic[joint]:
         for row in range(3):
             shift = 0.0
             for k in range(3):
@@ -104,34 +79,35 @@ def _turned_back(turn: np.ndarray, vector: np.ndarray, out: np.ndarray) -> None:
 
 
 @numba.njit(cache=True)
-def newton_euler(bodies: RigidBodies, q: np.ndarray, qd: np.ndarray, qdd: np.ndarray) -> np.ndarray:
+def newton_euler(robot: RobotArrays, q: np.ndarray, qd: np.ndarray, qdd: np.ndarray) -> np.ndarray:
     """Torques (n,) in N m by the recursive Newton-Euler algorithm."""
-    parents, prismatic, axis = bodies.parents, bodies.prismatic, bodies.axis
-    mass, moment, inertia = bodies.mass, bodies.moment, bodies.inertia
+    parents, prismatic, axis = robot.parents, robot.prismatic, robot.axis
+    mass, first_moment, inertia = robot.mass, robot.first_moment, robot.origin_inertia
     count = len(q)
     turn, offset = np.empty((count, 3, 3)), np.empty((count, 3))
-    spin, spin_rate, lift = np.empty((count, 3)), np.empty((count, 3)), np.empty((count, 3))
+    # angular velocity and acceleration of each link, linear acceleration of its origin
+    omega, omega_rate, acceleration = np.empty((count, 3)), np.empty((count, 3)), np.empty((count, 3))
     force, torque = np.empty((count, 3)), np.empty((count, 3))
     carried = np.empty(3)
     for i in range(count):
-        joint_placement(bodies, i, q[i], turn[i], offset[i])
-        w, dw, a = spin[i], spin_rate[i], lift[i]
+        joint_placement(robot, i, q[i], turn[i], offset[i])
+        w, dw, a = omega[i], omega_rate[i], acceleration[i]
         parent = parents[i]
         if parent < 0:
             w[:] = 0.0
             dw[:] = 0.0
-            _turned_back(turn[i], bodies.gravity, a)
+            _turned_back(turn[i], robot.gravity, a)
             for k in range(3):
                 a[k] = -a[k]
         else:
-            over, over_rate, above = spin[parent], spin_rate[parent], lift[parent]
-            sweep, pull = cross(over, offset[i]), cross(over_rate, offset[i])
-            inward = cross(over, sweep)
+            parent_w, parent_dw, parent_a = omega[parent], omega_rate[parent], acceleration[parent]
+            velocity, tangential = cross(parent_w, offset[i]), cross(parent_dw, offset[i])
+            centripetal = cross(parent_w, velocity)
             for k in range(3):
-                carried[k] = above[k] + pull[k] + inward[k]
+                carried[k] = parent_a[k] + tangential[k] + centripetal[k]
             _turned_back(turn[i], carried, a)
-            _turned_back(turn[i], over, w)
-            _turned_back(turn[i], over_rate, dw)
+            _turned_back(turn[i], parent_w, w)
+            _turned_back(turn[i], parent_dw, dw)
         coriolis = cross(w, axis[i])
         for k in range(3):
             if prismatic[i]:
@@ -141,8 +117,8 @@ def newton_euler(bodies: RigidBodies, q: np.ndarray, qd: np.ndarray, qdd: np.nda
         if not prismatic[i]:
             for k in range(3):
                 w[k] += axis[i, k] * qd[i]
-        h = moment[i]
-        swing, swing_rate, load = cross(w, h), cross(dw, h), cross(h, a)
+        h = first_moment[i]
+        w_h, dw_h, h_a = cross(w, h), cross(dw, h), cross(h, a)
         momentum = (
             inertia[i, 0, 0] * w[0] + inertia[i, 0, 1] * w[1] + inertia[i, 0, 2] * w[2],
             inertia[i, 1, 0] * w[0] + inertia[i, 1, 1] * w[1] + inertia[i, 1, 2] * w[2],
@@ -150,8 +126,8 @@ def newton_euler(bodies: RigidBodies, q: np.ndarray, qd: np.ndarray, qdd: np.nda
         )
         for k in range(3):
             m, n = (k + 1) % 3, (k + 2) % 3
-            force[i, k] = mass[i] * a[k] + swing_rate[k] + w[m] * swing[n] - w[n] * swing[m]
-            torque[i, k] = load[k] + w[m] * momentum[n] - w[n] * momentum[m]
+            force[i, k] = mass[i] * a[k] + dw_h[k] + w[m] * w_h[n] - w[n] * w_h[m]
+            torque[i, k] = h_a[k] + w[m] * momentum[n] - w[n] * momentum[m]
             for j in range(3):
                 torque[i, k] += inertia[i, k, j] * dw[j]
     torques = np.empty(count)
@@ -171,7 +147,6 @@ def newton_euler(bodies: RigidBodies, q: np.ndarray, qd: np.ndarray, qdd: np.nda
             lever = cross(offset[i], carried)
             for k in range(3):
                 torque[parent, k] += lever[k]
-    add_friction(bodies.friction, q, qd, torques)
     return torques
 
 
@@ -195,7 +170,6 @@ class Networks(NamedTuple):
     rows: np.ndarray
     columns: np.ndarray
     least_inertia: float  # added to the diagonal of a Lagrangian's inertia matrix
-    friction: np.ndarray  # (4, n) as `friction_rows`, for a Lagrangian
 
 
 @numba.njit(cache=True)
@@ -238,7 +212,6 @@ def lagrangian_torques(networks: Networks, q: np.ndarray, qd: np.ndarray, qdd: n
     _forward(values, first[1], sizes[1], q, potential_work)
     torques -= _adjoint(values, first[1], sizes[0], inertia_work, cotangent)
     torques += _adjoint(values, len(values), sizes[1], potential_work, np.ones(1))
-    add_friction(networks.friction, q, qd, torques)
     return torques
 
 
@@ -303,8 +276,9 @@ class InverseDynamics(NamedTuple):
     """Inverse dynamics of a model of any kind, as arrays."""
 
     kind: int  # `BODIES`, `PERCEPTRON` or `LAGRANGIAN`
-    bodies: RigidBodies  # empty for networks
+    robot: RobotArrays  # empty for networks
     networks: Networks  # empty for rigid bodies
+    friction: np.ndarray  # (4, n) as `friction_rows`
 
     def __call__(self, q: np.ndarray, qd: np.ndarray, qdd: np.ndarray) -> np.ndarray:
         """Torques (n,) in N m at q, qd, qdd (n,) in rad, rad/s, rad/s^2 (m where a joint slides)."""
@@ -312,13 +286,13 @@ class InverseDynamics(NamedTuple):
 
 
 _PLACES = np.empty(0, np.int64)
-_VECTORS, _FRAMES, _ROWS = np.empty((0, 3)), np.empty((0, 3, 3)), np.empty((4, 0))
-NO_BODIES = RigidBodies(
+_VECTORS, _FRAMES = np.empty((0, 3)), np.empty((0, 3, 3))
+NO_ROBOT = RobotArrays(
     _PLACES, _FRAMES, _VECTORS, _VECTORS, np.empty(0, bool), np.zeros(3),
-    np.empty(0), _VECTORS, _FRAMES, _ROWS,
+    np.empty(0), _VECTORS, _FRAMES, _VECTORS, _FRAMES,
 )  # fmt: skip
 NO_NETWORKS = Networks(
-    np.empty(0), _PLACES, _PLACES.reshape(0, 0), np.empty((0, 0, 0)), _PLACES, _PLACES, 0.0, _ROWS
+    np.empty(0), _PLACES, _PLACES.reshape(0, 0), np.empty((0, 0, 0)), _PLACES, _PLACES, 0.0
 )
 
 
@@ -326,7 +300,10 @@ NO_NETWORKS = Networks(
 def model_torques(model: InverseDynamics, q: np.ndarray, qd: np.ndarray, qdd: np.ndarray) -> np.ndarray:
     """Torques (n,) in N m of a model of any kind."""
     if model.kind == PERCEPTRON:
-        return perceptron_torques(model.networks, q, qd, qdd)
-    if model.kind == LAGRANGIAN:
-        return lagrangian_torques(model.networks, q, qd, qdd)
-    return newton_euler(model.bodies, q, qd, qdd)
+        torques = perceptron_torques(model.networks, q, qd, qdd)
+    elif model.kind == LAGRANGIAN:
+        torques = lagrangian_torques(model.networks, q, qd, qdd)
+    else:
+        torques = newton_euler(model.robot, q, qd, qdd)
+    add_friction(model.friction, q, qd, torques)
+    return torques

@@ -13,7 +13,7 @@ from structlearn.core.errors import InputError
 from structlearn.networks.compiled_layers import Layers, layer_values, pack
 from structlearn.rigid_body.compiled_dynamics import (
     LAGRANGIAN,
-    NO_BODIES,
+    NO_ROBOT,
     PERCEPTRON,
     InverseDynamics,
     Networks,
@@ -160,7 +160,7 @@ def compiled_model(models: DynamicsModels, model: int, tree: KinematicTree) -> I
     packed = pack([(np.zeros(n), np.ones(n), own) for n, own in zip(inputs, layers, strict=True)])
     memory = np.stack([layer_values(packed.sizes)] * len(layers))
     return InverseDynamics(
-        kind, NO_BODIES, Networks(*packed, memory, rows, columns, SMALLEST_INERTIA, friction)
+        kind, NO_ROBOT, Networks(*packed, memory, rows, columns, SMALLEST_INERTIA), friction
     )
 
 

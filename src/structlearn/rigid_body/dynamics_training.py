@@ -17,12 +17,12 @@ from pydantic import Field
 
 from structlearn.core.compilation import numba
 from structlearn.core.params import Parameters
-from structlearn.networks.torch_settings import AdamParameters, seeded
+from structlearn.networks.torch_settings import MEAN_DECAY, SMALLEST_ROOT, AdamParameters, seeded
 from structlearn.rigid_body.friction import FrictionTerm, initial_friction, squared
 from structlearn.rigid_body.inertia_parameters import (
     STRUCTURES,
     Structure,
-    draw,
+    sample_parameters,
     structure_gradient,
     structure_theta,
 )
@@ -39,9 +39,6 @@ LOSSES: tuple[Loss, ...] = get_args(Loss)
 
 SHARED = (*SCALING, "row", "column")
 """Tensors of a state that all models share."""
-
-MEAN_DECAY, SMALLEST_ROOT = 0.9, 1e-8
-"""Adam: decay of the mean gradient per step; constant added to the root of the mean squared gradient."""
 
 
 class LearningParameters(Parameters):
@@ -87,14 +84,16 @@ class InertiaLearner:
         self.samples, joints = regressor.torque.shape
         self.structure, self.regressor, self.weights = STRUCTURES.index(structure), regressor, weights
         self.squared = squared(regressor.friction)
-        self.free = draw(structure, joints, list(generators)).numpy().copy()  # (M, n, k)
-        self.rubbing = initial_friction(len(self.free), joints, regressor.friction)
-        self.moments = tuple((np.zeros_like(its), np.zeros_like(its)) for its in (self.free, self.rubbing))
+        self.free = sample_parameters(structure, joints, list(generators)).numpy().copy()  # (M, n, k)
+        self.friction = initial_friction(len(self.free), joints, regressor.friction)
+        self.moments = tuple(
+            (np.zeros_like(values), np.zeros_like(values)) for values in (self.free, self.friction)
+        )
         self.adam, self.batch, self.steps = adam, adam.batch, 0
 
     def learn(self, order: torch.Tensor) -> None:
         """Adam steps on the mean weighted squared error, one per batch of samples in the given order."""
-        models = (self.structure, self.free, self.rubbing, self.squared)
+        models = (self.structure, self.free, self.friction, self.squared)
         data = (self.regressor.columns, self.regressor.torque, self.weights)
         rates = (self.adam.rate, self.adam.second_moment_decay)
         _descend(models, self.moments, data, order.numpy(), self.batch, rates, self.steps)
@@ -102,17 +101,17 @@ class InertiaLearner:
 
     def nmse(self, stride: int = 1) -> np.ndarray:
         """NMSE (M, n) on the whole motion; the stride is ignored, since it would save nothing."""
-        theta = structure_theta(self.structure, self.free, self.rubbing, self.squared)
+        theta = structure_theta(self.structure, self.free, self.friction, self.squared)
         return self.regressor.factors.nmse(theta)
 
     def keep(self, models: np.ndarray) -> None:
         """Keep only some models; (M,) mask."""
-        self.free, self.rubbing = self.free[models], self.rubbing[models]
+        self.free, self.friction = self.free[models], self.friction[models]
         self.moments = tuple((mean[models], square[models]) for mean, square in self.moments)
 
     def state(self) -> dict[str, np.ndarray]:
         """Free parameters, each with a leading axis of models."""
-        return {"inertia": self.free.copy(), "friction": self.rubbing.copy()}
+        return {"inertia": self.free.copy(), "friction": self.friction.copy()}
 
 
 Learner = InertiaLearner | NetworkLearner
@@ -244,16 +243,16 @@ def _descend(
     free parameters of inertias, then of friction; `data`: columns, torques and joint weights; `rates`:
     learning rate and decay of the second moment; `steps`: steps taken before.
     """
-    structure, free, rubbing, squared = models
+    structure, free, friction, squared = models
     columns, torque, weights = data
     for step in range(-(-len(order) // batch)):
         samples = order[step * batch : (step + 1) * batch]
-        theta = structure_theta(structure, free, rubbing, squared)
+        theta = structure_theta(structure, free, friction, squared)
         slope = np.zeros_like(theta)
         _add_slopes(columns, torque, 2.0 / len(samples) * weights, samples, free.shape[2], theta, slope)
-        inertial, rubbed = structure_gradient(structure, free, rubbing, squared, slope)
+        inertial, frictional = structure_gradient(structure, free, friction, squared, slope)
         _adam_step(free, inertial, moments[0], rates, steps + step + 1)
-        _adam_step(rubbing, rubbed, moments[1], rates, steps + step + 1)
+        _adam_step(friction, frictional, moments[1], rates, steps + step + 1)
 
 
 @numba.njit(cache=True, error_model="numpy")  # no check for division by zero, so the loop vectorises
@@ -288,19 +287,20 @@ def _add_slopes(
     terms = theta.shape[1] // joints - width
     for sample in samples:
         for joint in range(joints):
-            begin, rub = joint * width, links + joint * terms
-            row, rubbed = columns[sample, joint, begin:links], columns[sample, joint, rub : rub + terms]
+            begin, first = joint * width, links + joint * terms
+            row, friction = columns[sample, joint, begin:links], columns[sample, joint, first : first + terms]
             for model in range(len(theta)):
                 # views, so that the compiler vectorises
-                values, found = theta[model, begin:links], slope[model, begin:links]
-                rubbing, its = theta[model, rub : rub + terms], slope[model, rub : rub + terms]
+                values, slopes = theta[model, begin:links], slope[model, begin:links]
+                coefficients = theta[model, first : first + terms]
+                friction_slopes = slope[model, first : first + terms]
                 error = -torque[sample, joint]
                 for place in range(len(row)):
                     error += row[place] * values[place]
                 for place in range(terms):
-                    error += rubbed[place] * rubbing[place]
+                    error += friction[place] * coefficients[place]
                 error *= weights[joint]
                 for place in range(len(row)):
-                    found[place] += row[place] * error
+                    slopes[place] += row[place] * error
                 for place in range(terms):
-                    its[place] += rubbed[place] * error
+                    friction_slopes[place] += friction[place] * error

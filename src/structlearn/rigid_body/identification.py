@@ -68,11 +68,11 @@ def least_squares(triangle: np.ndarray) -> np.ndarray:
 def fit_structure(
     structure: Structure,
     triangle: np.ndarray,
-    friction: Sequence[FrictionTerm],
+    terms: Sequence[FrictionTerm],
     start: LinkInertias,
     iterations: int,
     known: LinkInertias | None = None,
-    rubbing: np.ndarray | None = None,
+    friction: np.ndarray | None = None,
     prior: float = 0.0,
 ) -> tuple[np.ndarray, np.ndarray]:
     """Fit a structure's free parameters to the loss of `least_squares`, by L-BFGS.
@@ -83,11 +83,11 @@ def fit_structure(
     Args:
         structure: parameterisation of the inertias.
         triangle: factor of the data; columns of the links (full ones for nostr), then of friction.
-        friction: the friction terms.
+        terms: of friction.
         start: initial inertias (n,).
         iterations: maximum number.
         known: target of the pull; None: the start.
-        rubbing: (1, n, t) initial free parameters of friction; None: small ones.
+        friction: (1, n, t) initial free parameters of friction; None: small ones.
         prior: weight; 0 for structures whose inertias need not be physically consistent.
 
     Returns:
@@ -95,17 +95,17 @@ def fit_structure(
     """
     from scipy.optimize import minimize
 
-    place, squares = STRUCTURES.index(structure), squared(friction)
+    place, squares = STRUCTURES.index(structure), squared(terms)
     free = free_parameters(structure, start)[None].numpy()
-    rubbing = initial_friction(1, len(start.mass), friction) if rubbing is None else rubbing
+    friction = initial_friction(1, len(start.mass), terms) if friction is None else friction
     pulled = free if known is None else free_parameters(structure, known)[None].numpy()
-    reference = structure_theta(place, pulled, rubbing[..., :0], squares[:0])[0]
+    reference = structure_theta(place, pulled, friction[..., :0], squares[:0])[0]
     weight = ANCHOR / (reference @ reference)
     factor, measured = triangle[:, :-1], triangle[:, -1]
 
     def parts(values: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        inertial, rubbed = np.split(values, [free.size])
-        return inertial.reshape(free.shape), rubbed.reshape(rubbing.shape)
+        inertial, frictional = np.split(values, [free.size])
+        return inertial.reshape(free.shape), frictional.reshape(friction.shape)
 
     def loss(values: np.ndarray) -> tuple[float, np.ndarray]:
         theta = structure_theta(place, *parts(values), squares)
@@ -122,7 +122,7 @@ def fit_structure(
         return value, np.concatenate([its.ravel() for its in gradients])
 
     options = {"maxiter": iterations, "maxfun": 2 * iterations, "maxcor": 50, "ftol": 1e-14, "gtol": 1e-10}
-    first = np.concatenate([free.ravel(), rubbing.ravel()])
+    first = np.concatenate([free.ravel(), friction.ravel()])
     return parts(minimize(loss, first, jac=True, method="L-BFGS-B", options=options).x)
 
 
@@ -188,11 +188,11 @@ def drawn_fits(
     refit = partial(
         fit_structure,
         model.structure,
-        friction=model.friction,
+        terms=model.friction,
         start=model.inertias().of(0),
         iterations=iterations,
         known=known,
-        rubbing=np.asarray(model.state["friction"]),
+        friction=np.asarray(model.state["friction"]),
     )
     inertias, frictions = zip(*parallel_map(refit, drawn, "intervals of inertias"), strict=True)
     state = {"inertia": np.concatenate(inertias), "friction": np.concatenate(frictions)}
@@ -241,6 +241,6 @@ def fit_planar_arm(motion: Motion, iterations: int) -> tuple[KinematicTree, Dyna
     bodies = LinkInertias(
         np.ones(joints), np.tile([0.5, 0.0, 0.0], (joints, 1)), np.tile(0.1 * np.eye(3), (joints, 1, 1))
     )
-    free, rubbing = fit_structure("cov", triangle(places), (), bodies, iterations)
+    free, friction = fit_structure("cov", triangle(places), (), bodies, iterations)
     tree = planar_tree(places.reshape(-1, 2))
-    return tree, DynamicsModels("cov", tree.names, (), (), {"inertia": free, "friction": rubbing})
+    return tree, DynamicsModels("cov", tree.names, (), (), {"inertia": free, "friction": friction})

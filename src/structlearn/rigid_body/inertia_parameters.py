@@ -54,7 +54,7 @@ def parameter_count(structure: Structure) -> int:
     return 13 if structure == "nostr" else 10
 
 
-def draw(structure: Structure, links: int, generators: list[torch.Generator]) -> Tensor:
+def sample_parameters(structure: Structure, links: int, generators: list[torch.Generator]) -> Tensor:
     """Initial free parameters (M, links, k) of M models, one generator each: float64, zero-mean normal."""
     deviations = torch.full((parameter_count(structure),), INITIAL_INERTIA, dtype=torch.float64)
     deviations[0] = INITIAL_MASS
@@ -193,10 +193,12 @@ NOSTR, SYMM, SPD, TRI, COV = range(len(STRUCTURES))
 
 
 @numba.njit(cache=True)
-def structure_theta(structure: int, free: np.ndarray, rubbing: np.ndarray, squared: np.ndarray) -> np.ndarray:
+def structure_theta(
+    structure: int, free: np.ndarray, friction: np.ndarray, squared: np.ndarray
+) -> np.ndarray:
     """Parameters theta of the regressor's columns: (M, 10 n + t n), for nostr (M, 13 n + t n).
 
-    `structure` is an index in `STRUCTURES`; `free` (M, n, k) and `rubbing` (M, n, t) are free parameters of
+    `structure` is an index in `STRUCTURES`; `free` (M, n, k) and `friction` (M, n, t) are free parameters of
     inertias and friction; `squared` (t,) marks friction terms that are squares of their free parameter.
     """
     models, links, width = free.shape
@@ -206,7 +208,7 @@ def structure_theta(structure: int, free: np.ndarray, rubbing: np.ndarray, squar
         for link in range(links):
             _link_theta(structure, free[model, link], theta[model, link * width : (link + 1) * width])
             for term in range(terms):
-                value = rubbing[model, link, term]
+                value = friction[model, link, term]
                 place = links * width + link * terms + term
                 theta[model, place] = value * value if squared[term] else value
     return theta
@@ -214,22 +216,22 @@ def structure_theta(structure: int, free: np.ndarray, rubbing: np.ndarray, squar
 
 @numba.njit(cache=True)
 def structure_gradient(
-    structure: int, free: np.ndarray, rubbing: np.ndarray, squared: np.ndarray, slope: np.ndarray
+    structure: int, free: np.ndarray, friction: np.ndarray, squared: np.ndarray, slope: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Gradients (M, n, k) and (M, n, t) by `free` and `rubbing`, from the gradient (M, P) by theta."""
+    """Gradients (M, n, k) and (M, n, t) by `free` and `friction`, from the gradient (M, P) by theta."""
     models, links, width = free.shape
     terms = len(squared)
-    inertial, rubbed = np.empty_like(free), np.empty_like(rubbing)
+    inertial, frictional = np.empty_like(free), np.empty_like(friction)
     for model in range(models):
         for link in range(links):
             columns = slope[model, link * width : (link + 1) * width]
             _link_gradient(structure, free[model, link], columns, inertial[model, link])
             for term in range(terms):
                 value = slope[model, links * width + link * terms + term]
-                rubbed[model, link, term] = (
-                    2.0 * rubbing[model, link, term] * value if squared[term] else value
+                frictional[model, link, term] = (
+                    2.0 * friction[model, link, term] * value if squared[term] else value
                 )
-    return inertial, rubbed
+    return inertial, frictional
 
 
 @numba.njit(cache=True)
@@ -258,12 +260,13 @@ def _link_gradient(structure: int, free: np.ndarray, slope: np.ndarray, gradient
     else:
         xx, xy, xz, yy, yz, zz = slope[4], slope[5], slope[6], slope[7], slope[8], slope[9]
     xy, xz, yz = 0.5 * xy, 0.5 * xz, 0.5 * yz
-    moment = (free[1], free[2], free[3])
-    turned = _times((xx, xy, xz, yy, yz, zz), moment)
+    first_moment = (free[1], free[2], free[3])
+    turned = _times((xx, xy, xz, yy, yz, zz), first_moment)
     trace = xx + yy + zz
     for axis in range(3):
-        gradient[1 + axis] = slope[1 + axis] + 2.0 * (trace * moment[axis] - turned[axis]) / mass
-    lighter = slope[0] - (trace * _dot(moment, moment) - _dot(moment, turned)) / (mass * mass)
+        gradient[1 + axis] = slope[1 + axis] + 2.0 * (trace * first_moment[axis] - turned[axis]) / mass
+    shift = trace * _dot(first_moment, first_moment) - _dot(first_moment, turned)
+    lighter = slope[0] - shift / (mass * mass)
     gradient[0] = lighter if structure == NOSTR else 2.0 * free[0] * lighter
     if structure in (NOSTR, SYMM):
         gradient[4:] = slope[4:]

@@ -21,7 +21,8 @@ from structlearn.rigid_body.base_parameters import BaseFit
 from structlearn.rigid_body.friction import FrictionTerm, friction_columns
 from structlearn.rigid_body.motion import Motion
 from structlearn.rigid_body.regressor import torque_regressor
-from structlearn.rigid_body.tree import KinematicTree, Robot
+from structlearn.rigid_body.robot import Robot
+from structlearn.rigid_body.tree import KinematicTree
 
 LEAST_CURRENT_A = 0.01  # below it the gain cannot be measured: the axis is vertical, or carries nothing
 TURNING_RAD_S = 0.02  # below it the sign of the velocity, and so of the friction, is uncertain
@@ -204,11 +205,11 @@ def current_delays(
         Delays (n,) and (draws, n) in s, and squared errors (K, n) relative to the minimum.
     """
     columns = torque_regressor(tree, states.q, states.qd, states.qdd)
-    rubbing = friction_columns(states.q, states.qd, friction)
+    friction_torques = friction_columns(states.q, states.qd, friction)
     counts = drawn_counts(block_count(len(states), length), draws, seed)
     delays, drawn, curves = [], [], []
     for joint in range(states.joints):
-        rows = np.column_stack([columns[:, joint], rubbing[:, joint]])
+        rows = np.column_stack([columns[:, joint], friction_torques[:, joint]])
         basis, strength, _ = np.linalg.svd(rows / np.maximum(np.linalg.norm(rows, axis=0), 1e-12), False)
         basis = basis[:, strength > INDEPENDENT * strength[0]]
         measured = torques[:, :, joint].T  # (N, K)

@@ -24,9 +24,8 @@ from structlearn.rigid_body.friction import FRICTIONS
 from structlearn.rigid_body.identification import fit_structure, least_squares, normalised_triangle
 from structlearn.rigid_body.inertia_parameters import STRUCTURES, Structure
 from structlearn.rigid_body.motion import Motion
-from structlearn.rigid_body.newton_euler import torque_differences
-from structlearn.rigid_body.regressor import MotionRegressor
-from structlearn.rigid_body.tree import Robot, read_urdf
+from structlearn.rigid_body.regressor import MotionRegressor, link_parameters, torque_regressor
+from structlearn.rigid_body.robot import Robot, read_urdf, torque_differences
 from structlearn.rigid_body.urdf import write_urdf
 
 URDF, LEAST_SQUARES = "urdf", "least_squares"  # untrained model, and unstructured least squares
@@ -185,7 +184,10 @@ def write_identified(source: Path, target: Path, robot: Robot, model: DynamicsMo
     inertias = model.inertias().of(0)
     viscous, coulomb = model.friction_coefficients()[0].T[:2]
     write_urdf(source, target, robot.tree, inertias, viscous, coulomb)
-    differences = torque_differences(read_urdf(target), inertias)
+    theta = link_parameters(inertias.tensors()).numpy()
+    differences = torque_differences(
+        read_urdf(target), lambda *states: torque_regressor(robot.tree, *states) @ theta
+    )
     return pd.DataFrame({"joint": np.arange(1, len(differences) + 1), "difference_n_m": differences})
 
 
@@ -208,5 +210,5 @@ def _learned(
             return DynamicsModels(kind, tree.names, terms, training.learning.hidden, models.state())
         triangle = normalised_triangle(MotionRegressor(tree, motion, kind != "nostr", terms).factors, limits)
         prior = prior if kind in CONSISTENT else 0.0
-        free, rubbing = fit_structure(kind, triangle, terms, robot.inertias, iterations, prior=prior)
-        return DynamicsModels(kind, tree.names, terms, (), {"inertia": free, "friction": rubbing})
+        free, friction = fit_structure(kind, triangle, terms, robot.inertias, iterations, prior=prior)
+        return DynamicsModels(kind, tree.names, terms, (), {"inertia": free, "friction": friction})

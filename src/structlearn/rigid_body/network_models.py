@@ -23,7 +23,7 @@ from torch import Tensor
 from torch.nn import functional
 
 from structlearn.networks.stacked_layers import StackedLayers
-from structlearn.networks.torch_settings import AdamParameters, as_tensor
+from structlearn.networks.torch_settings import Adam, AdamParameters, as_tensor
 from structlearn.rigid_body.friction import (
     FrictionTerm,
     friction_coefficients,
@@ -189,49 +189,6 @@ def _adjoint(network: StackedLayers, values: Sequence[Tensor], cotangent: Tensor
     return torch.bmm(network.weights[0].mT, cotangent)
 
 
-class SmallAdam:
-    """Adam with torch's fused kernel for a few small tensors, each with a leading axis of models.
-
-    Same steps as `torch.optim.Adam`, without its bookkeeping (7 to 20 % of a step for such small networks)
-    and without loading torch's compiler, which takes a second.
-    """
-
-    def __init__(self, parameters: Sequence[Tensor], adam: AdamParameters):
-        self.parameters, self.rate, self.decay = list(parameters), adam.rate, adam.second_moment_decay
-        self.means, self.squares = ([torch.zeros_like(its) for its in self.parameters] for _ in range(2))
-        self.count = torch.zeros(())  # steps taken
-
-    @torch.no_grad()
-    def step(self, gradients: Sequence[Tensor | None]) -> None:
-        """One step; parameters with gradient None do not change."""
-        every = zip(gradients, self.parameters, self.means, self.squares, strict=True)
-        # the kernel walks memory in order, regardless of strides
-        moved = [(slope.contiguous(), *its) for slope, *its in every if slope is not None]
-        slopes, values, means, squares = (list(its) for its in zip(*moved, strict=True))
-        self.count += 1
-        torch._fused_adam_(
-            values,
-            slopes,
-            means,
-            squares,
-            [],
-            [self.count] * len(moved),
-            lr=self.rate,
-            beta1=0.9,
-            beta2=self.decay,
-            weight_decay=0.0,
-            eps=1e-8,
-            amsgrad=False,
-            maximize=False,
-        )
-
-    def keep(self, models: Tensor) -> None:
-        """Keep only some models; (M,) mask."""
-        for values in self.parameters:
-            values.data = values.data[models]
-        self.means, self.squares = ([its[models] for its in kept] for kept in (self.means, self.squares))
-
-
 class NetworkLearner:
     """M networks of one kind, trained together in single precision, with a generator each for the start.
 
@@ -252,11 +209,11 @@ class NetworkLearner:
         generators: Sequence[torch.Generator],
     ):
         joints = motions[0].joints
-        self.friction = tuple(friction) if kind == "delan" else ()
+        self.terms = tuple(friction) if kind == "delan" else ()
         self.states = _by_columns(np.stack([motion.q, motion.qd, motion.qdd]) for motion in motions)
         self.torque = _by_columns(motion.torque for motion in motions)  # (R, n, N) with R = 1 or M
         self.columns = as_tensor(
-            np.stack([np.moveaxis(friction_columns(its.q, its.qd, self.friction), 0, -1) for its in motions])
+            np.stack([np.moveaxis(friction_columns(its.q, its.qd, self.terms), 0, -1) for its in motions])
         )  # (R, n, t, N)
         self.variance = np.stack([motion.torque_variance for motion in motions])
         self.network: StackedLagrangianNetworks | StackedPerceptrons
@@ -266,9 +223,9 @@ class NetworkLearner:
             self.network = StackedPerceptrons.initial(joints, hidden, generators)
             if kind == "mlp_scaled":
                 self.network = self.network.standardised(list(self.states[0]), self.torque[0])
-        self.rubbing = as_tensor(initial_friction(len(generators), joints, self.friction))
-        self.parameters = [*self.network.parameters(), self.rubbing.requires_grad_()]
-        self.optimiser = SmallAdam(self.parameters, adam)
+        self.friction = as_tensor(initial_friction(len(generators), joints, self.terms))
+        self.parameters = [*self.network.parameters(), self.friction.requires_grad_()]
+        self.optimiser = Adam(self.parameters, adam.rate, adam.second_moment_decay)
         self.samples, self.batch = len(motions[0]), adam.batch
         self.weights = as_tensor(weights)[..., None]
 
@@ -301,7 +258,7 @@ class NetworkLearner:
 
     def state(self) -> dict[str, np.ndarray]:
         """Weights and free parameters of friction, with a leading axis of models; then the scales."""
-        tensors = self.network.to_arrays() | {"friction": self.rubbing.detach()}
+        tensors = self.network.to_arrays() | {"friction": self.friction.detach()}
         return {name: values.numpy().copy() for name, values in tensors.items()}
 
     @property
@@ -311,9 +268,9 @@ class NetworkLearner:
     def _torques(self, states: Tensor, columns: Tensor) -> Tensor:
         """Torques (M, n, B) at states (R, 3, n, B) with friction columns (R, n, t, B)."""
         torques = self.network.torques(*states.unbind(1))
-        if not self.friction:
+        if not self.terms:
             return torques
-        coefficients = friction_coefficients(self.rubbing, self.friction)
+        coefficients = friction_coefficients(self.friction, self.terms)
         return torques + (columns * coefficients[..., None]).sum(dim=-2)
 
 

@@ -75,9 +75,10 @@ def identify_empty(
     """
     empty = motion.part(slice(0, round(parameters.empty_s / dt)))
     triangle = normalised_triangle(MotionRegressor(tree, empty, True, EMPTY_FRICTION).factors)
-    free, rubbing = fit_structure(parameters.structure, triangle, EMPTY_FRICTION, urdf, parameters.iterations)
-    links = link_inertias(parameters.structure, torch.from_numpy(free[0])).arrays()
-    coefficients = friction_coefficients(torch.from_numpy(rubbing), EMPTY_FRICTION)[0].numpy()
+    structure = parameters.structure
+    free, friction = fit_structure(structure, triangle, EMPTY_FRICTION, urdf, parameters.iterations)
+    links = link_inertias(structure, torch.from_numpy(free[0])).arrays()
+    coefficients = friction_coefficients(torch.from_numpy(friction), EMPTY_FRICTION)[0].numpy()
     return links, np.einsum("tjk,jk->tj", friction_columns(motion.q, motion.qd, EMPTY_FRICTION), coefficients)
 
 
@@ -171,8 +172,8 @@ def _rows(
     parts = []
     for carries, motion in enumerate(pair):
         its = MotionRegressor(tree, motion.part(slice(None, min(map(len, pair)))), True, friction)
-        rubbing = its.columns[..., links:]
-        others = [rubbing if other == place else np.zeros_like(rubbing) for other in range(pairs)]
+        own = its.columns[..., links:]
+        others = [own if other == place else np.zeros_like(own) for other in range(pairs)]
         gained = carries * its.columns[..., links - SYMMETRIC_COLUMNS : links]
         columns = [its.columns[..., :links], *others, gained, its.torque[..., None]]
         parts.append(np.concatenate(columns, axis=-1))

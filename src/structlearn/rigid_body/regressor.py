@@ -16,7 +16,7 @@ from torch import Tensor
 from structlearn.core.compilation import cross, numba
 from structlearn.rigid_body.friction import FrictionTerm, friction_regressor
 from structlearn.rigid_body.motion import Motion
-from structlearn.rigid_body.tree import Chain, KinematicTree, LinkInertias
+from structlearn.rigid_body.tree import KinematicTree, LinkInertias, RobotArrays, robot_arrays
 
 SYMMETRIC_COLUMNS, FULL_COLUMNS = 10, 13  # per link
 
@@ -35,7 +35,9 @@ def torque_regressor(
     columns = SYMMETRIC_COLUMNS if symmetric else FULL_COLUMNS
     regressor = np.zeros((*q.shape, len(tree.names), columns))
     q, qd, qdd = (np.ascontiguousarray(values, dtype=np.float64) for values in (q, qd, qdd))
-    _fill(Chain.of(tree), q, qd, qdd, regressor)
+    links = len(tree.names)
+    any_inertias = LinkInertias(np.ones(links), np.zeros((links, 3)), np.zeros((links, 3, 3)))
+    _fill(robot_arrays(tree, any_inertias), q, qd, qdd, regressor)
     return regressor.reshape(*q.shape, len(tree.names) * columns)
 
 
@@ -64,7 +66,7 @@ class _Motion(NamedTuple):
 
 
 @numba.njit(cache=True)
-def _fill(chain: Chain, q: np.ndarray, qd: np.ndarray, qdd: np.ndarray, regressor: np.ndarray) -> None:
+def _fill(robot: RobotArrays, q: np.ndarray, qd: np.ndarray, qdd: np.ndarray, regressor: np.ndarray) -> None:
     """Fill a regressor of zeros (B, n, n, columns).
 
     By virtual work, the torque of joint i is the wrench of every link beyond it times the twist (v, w) that
@@ -77,22 +79,24 @@ def _fill(chain: Chain, q: np.ndarray, qd: np.ndarray, qdd: np.ndarray, regresso
     motion = _Motion(np.empty(square), np.empty(square), np.empty(square), np.empty(cube), np.empty(cube))
     for sample in range(batch):
         for link in range(joints):
-            _move(chain, motion, link, q[sample, link], qd[sample, link], qdd[sample, link])
+            _move(robot, motion, link, q[sample, link], qd[sample, link], qdd[sample, link])
             joint = link
             while joint >= 0:
                 _fill_columns(motion, link, joint, regressor, sample)
-                joint = chain.parents[joint]
+                joint = robot.parents[joint]
 
 
 @numba.njit(cache=True, inline="always")
-def _move(chain: Chain, motion: _Motion, link: int, position: float, speed: float, change: float) -> None:
+def _move(
+    robot: RobotArrays, motion: _Motion, link: int, position: float, speed: float, change: float
+) -> None:
     """Motion of a link from the motion of its parent."""
-    parent = chain.parents[link]
-    axis, slides = _vector(chain.axis[link]), chain.prismatic[link]
-    rotation, origin = _placement(chain, link, position)
+    parent = robot.parents[link]
+    axis, slides = _vector(robot.axis[link]), robot.prismatic[link]
+    rotation, origin = _placement(robot, link, position)
     if parent < 0:
         velocity = acceleration = (0.0, 0.0, 0.0)
-        linear = _rotated_back(rotation, _scaled(_vector(chain.gravity), -1.0))
+        linear = _rotated_back(rotation, _scaled(_vector(robot.gravity), -1.0))
     else:
         velocity, acceleration = _vector(motion.velocity[parent]), _vector(motion.acceleration[parent])
         linear = _sum(_vector(motion.linear[parent]), cross(acceleration, origin))
@@ -104,7 +108,7 @@ def _move(chain: Chain, motion: _Motion, link: int, position: float, speed: floa
             sliding = _sum(_vector(motion.sliding[parent, joint]), cross(turning, origin))
             _store(motion.turning[link, joint], _rotated_back(rotation, turning))
             _store(motion.sliding[link, joint], _rotated_back(rotation, sliding))
-            joint = chain.parents[joint]
+            joint = robot.parents[joint]
     own, turned = _scaled(axis, change), cross(velocity, _scaled(axis, speed))
     if slides:
         linear = _sum(linear, _sum(own, _scaled(turned, 2.0)))
@@ -119,12 +123,12 @@ def _move(chain: Chain, motion: _Motion, link: int, position: float, speed: floa
 
 
 @numba.njit(cache=True, inline="always")
-def _placement(chain: Chain, joint: int, position: float) -> tuple[tuple, tuple]:
+def _placement(robot: RobotArrays, joint: int, position: float) -> tuple[tuple, tuple]:
     """Rows of a joint frame's rotation in its parent's frame, and its origin there."""
-    axis, origin = _vector(chain.axis[joint]), _vector(chain.translation[joint])
-    rotation = chain.rotation[joint]
+    axis, origin = _vector(robot.axis[joint]), _vector(robot.translation[joint])
+    rotation = robot.rotation[joint]
     x, y, z = _vector(rotation[0]), _vector(rotation[1]), _vector(rotation[2])
-    if chain.prismatic[joint]:
+    if robot.prismatic[joint]:
         along = (_dot(x, axis), _dot(y, axis), _dot(z, axis))
         return (x, y, z), _sum(origin, _scaled(along, position))
     s, c = np.sin(position), np.cos(position)

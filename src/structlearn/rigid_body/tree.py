@@ -1,21 +1,17 @@
-"""Kinematic tree and link inertias of a robot, read from its URDF.
+"""Kinematic tree and link inertias of a robot as plain arrays, which torch and numba code can use.
 
-Pinocchio reads the file and merges links at fixed joints; the results are plain arrays, so that torch and
-numba code need no Pinocchio. Joint i moves link i, and its frame is fixed to that link; `rotation` and
-`translation` are its pose in the parent joint's frame at position zero.
+Joint i moves link i, and its frame is fixed to that link; `rotation` and `translation` are its pose in the
+parent joint's frame at position zero. `robot.read_urdf` reads both from a file.
 """
 
-import warnings
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Generic, NamedTuple, TypeVar
 
 import numpy as np
-import pinocchio
 
 from structlearn.core.errors import InputError
-from structlearn.rigid_body.urdf import check_urdf
 
 if TYPE_CHECKING:
     from torch import Tensor
@@ -46,24 +42,6 @@ class KinematicTree:
         return lower, upper
 
 
-class Chain(NamedTuple):
-    """A kinematic tree for compiled functions; fields are those of `KinematicTree`."""
-
-    parents: np.ndarray
-    rotation: np.ndarray
-    translation: np.ndarray
-    axis: np.ndarray
-    prismatic: np.ndarray
-    gravity: np.ndarray
-
-    @classmethod
-    def of(cls, tree: KinematicTree) -> "Chain":
-        """Contiguous arrays of a tree."""
-        kinds = (np.int64, float, float, float, bool, float)
-        pairs = zip(cls._fields, kinds, strict=True)
-        return cls(*(np.ascontiguousarray(getattr(tree, name), dtype=kind) for name, kind in pairs))
-
-
 @dataclass(frozen=True)
 class LinkInertias(Generic[Array]):
     """Inertial parameters of n links in their joint frames; leading axes, if any, are models."""
@@ -91,61 +69,39 @@ class LinkInertias(Generic[Array]):
         return LinkInertias(*(field.detach().double().numpy() for field in fields))
 
 
-@dataclass(frozen=True)
-class Robot:
-    """A robot as described by its URDF."""
+class RobotArrays(NamedTuple):
+    """A robot for compiled functions; undocumented fields are those of `KinematicTree`.
 
-    name: str
-    tree: KinematicTree
-    inertias: LinkInertias[np.ndarray]  # of the moving links, including whatever is fixed to them
-    model: pinocchio.Model  # with the same joints in the same order
-
-
-def read_urdf(path: str | Path, locked: Sequence[str] = ()) -> Robot:
-    """Read a robot with a fixed base from its URDF.
-
-    Args:
-        path: the URDF file; meshes are not read.
-        locked: names of joints held at zero position, e.g. a gripper's fingers; they leave the tree and their
-            links become part of the links that carry them.
-
-    Raises:
-        InputError: the file is missing or unreadable, a locked joint is unknown, a joint is of a kind other
-            than revolute, continuous or prismatic, limits are absent or crossed, or a moving link has no
-            positive mass or no positive definite inertia; the message names file and joint.
+    Newton-Euler needs inertias about the joint origins (`first_moment`, `origin_inertia`), the simulation
+    those about the centres of mass.
     """
-    model = read_model(path, locked)
-    robot = robot_of(model)
-    _check_inertias(robot, path)
-    return robot
+
+    parents: np.ndarray
+    rotation: np.ndarray
+    translation: np.ndarray
+    axis: np.ndarray
+    prismatic: np.ndarray
+    gravity: np.ndarray
+    mass: np.ndarray  # (n,) kg
+    first_moment: np.ndarray  # (n, 3) kg m, mass times centre of mass
+    origin_inertia: np.ndarray  # (n, 3, 3) kg m^2, about the joint frame's origin; need not be symmetric
+    centre: np.ndarray  # (n, 3) m, centre of mass in the joint frame
+    inertia: np.ndarray  # (n, 3, 3) kg m^2, about the centre of mass, axes of the joint frame
 
 
-def read_model(path: str | Path, locked: Sequence[str] = ()) -> pinocchio.Model:
-    """Pinocchio's model of a robot with a fixed base; its links need neither mass nor inertia.
-
-    Raises InputError as `read_urdf` does, except for masses and inertias.
-    """
-    check_urdf(path, locked)
-    try:
-        model = pinocchio.buildModelFromUrdf(str(path))
-    except ValueError as error:
-        raise InputError(f"{path}: not a valid URDF model; its parser has printed why") from error
-    if locked:
-        joints = [model.getJointId(name) for name in locked]
-        model = pinocchio.buildReducedModel(model, joints, pinocchio.neutral(model))
-    if model.nv == 0:
-        raise InputError(f"{path}: the robot has no joint that moves")
-    return model
-
-
-def robot_of(model: pinocchio.Model) -> Robot:
-    """Tree and inertias of a fixed-base robot, from Pinocchio's model."""
-    return Robot(model.name, _tree(model), _inertias(model), model)
-
-
-def configuration(model: pinocchio.Model, joints: np.ndarray) -> np.ndarray:
-    """Pinocchio's configuration vector for joints (n,), in which continuous joints are cosine and sine."""
-    return pinocchio.integrate(model, pinocchio.neutral(model), joints)
+def robot_arrays(tree: KinematicTree, inertias: LinkInertias) -> RobotArrays:
+    """Contiguous arrays of a tree and its links (n,); the inertias need not be physical."""
+    kinds = {"parents": np.int64, "prismatic": bool}
+    fields = ("parents", "rotation", "translation", "axis", "prismatic", "gravity")
+    kinematics = [np.ascontiguousarray(getattr(tree, name), dtype=kinds.get(name, float)) for name in fields]
+    mass, first_moment, inertia = (
+        np.array(values, dtype=float) for values in (inertias.mass, inertias.first_moment, inertias.inertia)
+    )
+    squares = np.einsum("ni,ni->n", first_moment, first_moment)[:, None, None] * np.eye(3)
+    outer = first_moment[:, :, None] * first_moment[:, None, :]
+    origin_inertia = inertia + (squares - outer) / mass[:, None, None]  # parallel axes
+    inertial = (mass, first_moment, origin_inertia, first_moment / mass[:, None], inertia)
+    return RobotArrays._make([*kinematics, *inertial])
 
 
 def joint_order(tree: KinematicTree, names: Sequence[str], source: str | Path) -> np.ndarray:
@@ -162,70 +118,3 @@ def joint_order(tree: KinematicTree, names: Sequence[str], source: str | Path) -
         if (count := names.count(name)) > 1:
             raise InputError(f"{source}: joint '{name}' stands {count} times in the log")
     return np.array([names.index(name) for name in tree.names])
-
-
-def _tree(model: pinocchio.Model) -> KinematicTree:
-    joints = range(1, model.njoints)
-    placements = [model.jointPlacements[joint] for joint in joints]
-    screws = _screws(model)
-    bounded = np.array([model.joints[joint].nq == 1 for joint in joints])  # continuous: cosine and sine
-    positions = [model.joints[joint].idx_q for joint in joints]
-    prismatic = np.any(screws[:, :3] != 0.0, axis=1)
-    return KinematicTree(
-        names=tuple(model.names)[1:],
-        parents=np.array([model.parents[joint] - 1 for joint in joints]),
-        rotation=np.array([placement.rotation for placement in placements]),
-        translation=np.array([placement.translation for placement in placements]),
-        axis=np.where(prismatic[:, None], screws[:, :3], screws[:, 3:]),
-        prismatic=prismatic,
-        lower=np.where(bounded, model.lowerPositionLimit[positions], -np.inf),
-        upper=np.where(bounded, model.upperPositionLimit[positions], np.inf),
-        velocity=model.velocityLimit.copy(),
-        gravity=model.gravity.linear.copy(),
-    )
-
-
-def _screws(model: pinocchio.Model) -> np.ndarray:
-    """Twist (n, 6) of each link in its own frame for unit speed of its joint: linear, angular."""
-    data = model.createData()
-    pinocchio.computeJointJacobians(model, data, pinocchio.neutral(model))
-    local, joints = pinocchio.ReferenceFrame.LOCAL, range(1, model.njoints)
-    jacobians = [pinocchio.getJointJacobian(model, data, joint, local) for joint in joints]
-    # Pinocchio returns a vector for a single joint
-    return np.array([jacobian.reshape(6, -1)[:, joint] for joint, jacobian in enumerate(jacobians)])
-
-
-def _inertias(model: pinocchio.Model) -> LinkInertias[np.ndarray]:
-    links = list(model.inertias)[1:]
-    mass = np.array([link.mass for link in links])
-    return LinkInertias(
-        mass=mass,
-        first_moment=mass[:, None] * np.array([link.lever for link in links]),
-        inertia=np.array([link.inertia for link in links]),
-    )
-
-
-def _check_inertias(robot: Robot, path: str | Path) -> None:
-    """Check that every link, after merging at fixed joints, has mass and positive definite inertia.
-
-    Inconsistent principal moments are so common in manufacturers' files that they only cause a warning.
-    """
-    moments = np.linalg.eigvalsh(robot.inertias.inertia)
-    for name, mass, moment in zip(robot.tree.names, robot.inertias.mass, moments[:, 0], strict=True):
-        if mass <= 0.0:
-            raise InputError(
-                f"{path}: the link that joint '{name}' moves has no mass: <inertial> is absent or zero"
-            )
-        if moment <= 0.0:
-            raise InputError(
-                f"{path}: the link that joint '{name}' moves has no positive definite inertia "
-                f"(least principal moment {moment:g} kg m^2)"
-            )
-    excess = moments[:, 2] / (moments[:, 0] + moments[:, 1]) - 1.0
-    if (excess > 1e-6).any():
-        links = ", ".join(f"'{robot.tree.names[place]}'" for place in np.flatnonzero(excess > 1e-6))
-        warnings.warn(
-            f"{path}: no body has the inertia of what moves with {links}: the largest principal moment "
-            f"exceeds the sum of both others, by up to {100 * excess.max():.2g} %",
-            stacklevel=3,
-        )

@@ -15,7 +15,6 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from structlearn.core.errors import InputError
 from structlearn.segmentation.crossings import Crossing
 from structlearn.segmentation.dtw import correspondences
 from structlearn.segmentation.parameters import SegmentParameters
@@ -56,19 +55,19 @@ def least_squares(pairs: np.ndarray, weights: np.ndarray | None = None) -> Align
     """Time scale and delay that fit the pairs best (eq. IV.16 and IV.17; IV.18 with weights).
 
     `pairs`: (K, 2) corresponding times in samples: reference, guess. `weights`: (K,); None: all equal. Raises
-    InputError: fewer than two different reference times have weight, or time would run backwards.
+    ValueError: fewer than two different reference times have weight, or time would run backwards.
     """
     weights = np.ones(len(pairs)) if weights is None else weights
     used = weights > 0.0
     if not used.any() or np.ptp(pairs[used, 0]) == 0:
-        raise InputError(f"only {int(used.sum())} correspondence pairs are left to align it")
+        raise ValueError(f"only {int(used.sum())} correspondence pairs are left to align it")
     reference, guess = pairs[used].astype(float).T
     share = weights[used] / weights[used].sum()
     centre_reference, centre_guess = share @ reference, share @ guess  # centred for good conditioning
     deviation = reference - centre_reference
     time_scale = (share * deviation) @ (guess - centre_guess) / ((share * deviation) @ deviation)
     if time_scale <= 0.0:
-        raise InputError("its correspondence pairs run backwards in time")
+        raise ValueError("its correspondence pairs run backwards in time")
     return Alignment(float(time_scale), float(centre_guess - time_scale * centre_reference))
 
 
@@ -132,21 +131,21 @@ class Refined:
 
 
 def refine(reference: Movement, own: Movement, parameters: SegmentParameters) -> Refined:
-    """Lines 11 to 24 of algorithm IV.1 for one primitive. Raises InputError: too few samples correspond."""
+    """Lines 11 to 24 of algorithm IV.1 for one primitive. Raises ValueError: too few samples correspond."""
     extension = round(parameters.extension_s / reference.dt)
     g = parameters.downsampling
     # Times count from the start of the demonstrations, so the extension need not be subtracted again.
     crossings = [movement.crossing for movement in (reference, own)]
-    firsts = [max(one.earliest, one.start - extension) for one in crossings]
+    firsts = [max(crossing.earliest, crossing.start - extension) for crossing in crossings]
     part, own_part = (
-        movement.path[first : min(one.latest, one.end + extension) + 1 : g]
-        for movement, one, first in zip((reference, own), crossings, firsts, strict=True)
+        movement.path[first : min(crossing.latest, crossing.end + extension) + 1 : g]
+        for movement, crossing, first in zip((reference, own), crossings, firsts, strict=True)
     )
     pairs = g * correspondences(part, own_part, one_scale=parameters.assigns_runs) + np.array(firsts)
     weights = velocity_weights(
         reference.velocity[pairs[:, 0]], own.velocity[pairs[:, 1]], parameters.near_zero, parameters.decay
     )
-    ends = np.array([[one.start for one in crossings], [one.end for one in crossings]])
+    ends = np.array([[crossing.start for crossing in crossings], [crossing.end for crossing in crossings]])
     tolerance = parameters.crossing_tolerance_s / reference.dt
     published = least_squares(pairs, weights)
     alignments = {
@@ -166,13 +165,13 @@ OFF_SHAPE = 0.5
 """Largest mean distance of the aligned movement from the reference's, each centred and divided by its RMS
 distance from the mean, so that a different amplitude is not a different shape."""
 
-UNLIKE = 1.0
+MOST_MISMATCH = 1.0
 """Largest cost of a chosen run of motion (`run_assignment`); 2.7 times the reference's duration costs 1."""
 
-LEFT_OUT = 0.25
+MOST_UNASSIGNED = 0.25
 """Longest path of motion outside all primitives, relative to a mean primitive; ignored motion is shorter."""
 
-RESTED_S = 0.35
+MOST_PAUSED_S = 0.35
 """Longest pauses within a primitive, in total; a pause between primitives is longer."""
 
 
@@ -185,28 +184,29 @@ def cut_warnings(
     """
     return [
         (demonstration, primitive, reason, number)
-        for primitive, one in refined.items()
-        for reason, number, bound in _evidence(one, reference)
+        for primitive, aligned in refined.items()
+        for reason, number, bound in _evidence(aligned, reference)
         if number > bound
     ]
 
 
-def _evidence(one: Refined, reference: bool) -> Iterator[tuple[str, float, float]]:
+def _evidence(refined: Refined, reference: bool) -> Iterator[tuple[str, float, float]]:
     """(reason, number, bound) for the choice of runs and for the alignment with the reference."""
-    own, crossing = one.own.crossing, one.reference.crossing
-    yield "its duration, way or direction is unlike the reference's (cost)", own.unlike, UNLIKE
-    yield "motion before it belongs to no primitive (ways of a primitive)", own.left_out[0], LEFT_OUT
-    yield "motion after it belongs to no primitive (ways of a primitive)", own.left_out[1], LEFT_OUT
-    yield "a rest within it was taken for a hesitation (s)", own.rested, RESTED_S
+    own, crossing = refined.own.crossing, refined.reference.crossing
+    yield "its duration, way or direction is unlike the reference's (cost)", own.mismatch, MOST_MISMATCH
+    yield "motion before it belongs to no primitive (ways of a primitive)", own.unassigned[0], MOST_UNASSIGNED
+    yield "motion after it belongs to no primitive (ways of a primitive)", own.unassigned[1], MOST_UNASSIGNED
+    yield "a rest within it was taken for a hesitation (s)", own.paused_s, MOST_PAUSED_S
     if reference:
         return
     duration = max(crossing.end - crossing.start, 1)
-    apart = np.abs(one.ends("zvc") - one.ends("wls_published")).max() / duration
+    apart = np.abs(refined.ends("zvc") - refined.ends("wls_published")).max() / duration
     yield "crossing and alignment lie apart (durations)", float(apart), APART
     times = np.arange(crossing.start, crossing.end + 1)
-    aligned = np.interp(times, times[[0, -1]], one.ends(RESULT))
-    path = np.stack([np.interp(aligned, np.arange(len(one.own.path)), x) for x in one.own.path.T], axis=1)
-    centred = [path - path.mean(axis=0) for path in (one.reference.path[times], path)]
+    aligned = np.interp(times, times[[0, -1]], refined.ends(RESULT))
+    samples = np.arange(len(refined.own.path))
+    path = np.stack([np.interp(aligned, samples, x) for x in refined.own.path.T], axis=1)
+    centred = [path - path.mean(axis=0) for path in (refined.reference.path[times], path)]
     tiny = np.finfo(float).tiny
     shapes = [path / max(float(np.sqrt(np.mean(np.sum(path**2, axis=1)))), tiny) for path in centred]
     off = float(np.linalg.norm(shapes[1] - shapes[0], axis=1).mean())

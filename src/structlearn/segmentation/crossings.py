@@ -31,10 +31,10 @@ class Crossing:
     latest: int
     start_known: bool = False  # given by an event instead of a speed, so not refined
     end_known: bool = False
-    unlike: float = 0.0  # dissimilarity from the reference's primitive (`run_assignment`); 0 without a choice
+    mismatch: float = 0.0  # with the reference's primitive (`run_assignment`); 0 without a choice
     # path of unassigned motion before it, and after it if it is the last, relative to a mean primitive
-    left_out: tuple[float, float] = (0.0, 0.0)
-    rested: float = 0.0  # s of dips within it that count as hesitations
+    unassigned: tuple[float, float] = (0.0, 0.0)
+    paused_s: float = 0.0  # s of dips within it that count as hesitations
 
 
 Crossings = Mapping[str, Crossing]  # by name of the primitives that have an axis
@@ -52,19 +52,19 @@ def find_crossings(
     if parameters.reference not in (None, *names):
         raise InputError(f"segment.reference: there is no demonstration named '{parameters.reference}'")
     named = None if parameters.reference is None else names.index(parameters.reference)
-    found: list[Crossings | InputError] = []
+    crossings: list[Crossings | InputError] = []
     if parameters.assigns_runs:
-        place, found = _assigned(demonstrations, parameters, named)
+        place, crossings = _assigned(demonstrations, parameters, named)
     else:
         place = named or 0
         for demonstration in demonstrations:
             try:
-                found.append(_largest(demonstration, parameters))
+                crossings.append(_largest(demonstration, parameters))
             except InputError as error:
-                found.append(error)
+                crossings.append(error)
     if parameters.at_onsets:
-        found = [_at_onsets(*pair, parameters) for pair in zip(demonstrations, found, strict=True)]
-    return place, found
+        crossings = [_at_onsets(*pair, parameters) for pair in zip(demonstrations, crossings, strict=True)]
+    return place, crossings
 
 
 def _at_onsets(
@@ -74,21 +74,22 @@ def _at_onsets(
     if isinstance(crossings, InputError):
         return crossings
     axes = {primitive.name: primitive.shown_by for primitive in _with_axis(parameters)}
-    dt, found, before = demonstration.dt, list(crossings.values()), 0
-    for place, (name, one) in enumerate(crossings.items()):
+    dt, moved, before = demonstration.dt, list(crossings.values()), 0
+    for place, (name, crossing) in enumerate(crossings.items()):
         smooth = signals.low_pass(motion_runs.path(demonstration, axes[name]), dt, parameters.cut_cutoff_hz)
-        after = min([one.latest, *(later.start for later in found[place + 1 : place + 2])])
-        limits = (max(one.earliest, before), after)
-        start, end = movement_ends(smooth, dt, (one.start, one.end), limits)
-        start, end = one.start if one.start_known else start, one.end if one.end_known else end
-        found[place] = replace(one, start=start, end=end)
+        after = min([crossing.latest, *(later.start for later in moved[place + 1 : place + 2])])
+        limits = (max(crossing.earliest, before), after)
+        start, end = movement_ends(smooth, dt, (crossing.start, crossing.end), limits)
+        start = crossing.start if crossing.start_known else start
+        end = crossing.end if crossing.end_known else end
+        moved[place] = replace(crossing, start=start, end=end)
         before = end
-    return dict(zip(crossings, found, strict=True))
+    return dict(zip(crossings, moved, strict=True))
 
 
 def _largest(demonstration: Demonstration, parameters: SegmentParameters) -> Crossings:
     """Largest movement along the axis of each primitive, searched for after the previous primitive."""
-    found, first, last = {}, 0, len(demonstration.time) - 1
+    crossings, first, last = {}, 0, len(demonstration.time) - 1
     for primitive in _with_axis(parameters):
         motion = motion_runs.motion(demonstration, primitive.shown_by, parameters)
         bridge = round(parameters.bridge_s / demonstration.dt)
@@ -97,11 +98,11 @@ def _largest(demonstration: Demonstration, parameters: SegmentParameters) -> Cro
             start, end = moving_interval(
                 motion.smooth_speed, motion.speed, primitive.threshold_m_s, bridge, first
             )
-        except InputError as error:
+        except ValueError as error:
             raise InputError(f"{demonstration.name}: primitive '{primitive.name}': {error}") from error
-        found[primitive.name] = Crossing(start, end, 0, last)
+        crossings[primitive.name] = Crossing(start, end, 0, last)
         first = end
-    return found
+    return crossings
 
 
 def _with_axis(parameters: SegmentParameters) -> list[PrimitiveParameters]:
@@ -114,7 +115,7 @@ def _assigned(
     """Runs at several thresholds, assigned to the primitives."""
     primitives = _with_axis(parameters)
     axes = dict.fromkeys(primitive.shown_by for primitive in primitives)
-    seen = [{axis: motion_runs.motion(one, axis, parameters) for axis in axes} for one in demonstrations]
+    seen = [{axis: motion_runs.motion(run, axis, parameters) for axis in axes} for run in demonstrations]
     paces = {axis: motion_runs.pace([motions[axis] for motions in seen]) for axis in axes}
     candidates = [
         _candidates(demonstration, motions, primitives, paces, parameters)
@@ -126,18 +127,18 @@ def _assigned(
     assignment = run_assignment.assign(candidates, references, between)
     if assignment is None:
         missing = [
-            _missing(one, primitives, its, None, paces)
-            for one, its in zip(demonstrations, candidates, strict=True)
+            _missing(demonstration, primitives, choices, None, paces)
+            for demonstration, choices in zip(demonstrations, candidates, strict=True)
         ]
         return references[0], list(missing)
-    found: list[Crossings | InputError] = []
-    for demonstration, its, chosen in zip(demonstrations, candidates, assignment.chosen, strict=True):
+    crossings: list[Crossings | InputError] = []
+    for demonstration, choices, chosen in zip(demonstrations, candidates, assignment.chosen, strict=True):
         if chosen is None or chosen.costs.max() > run_assignment.MISSING:
             costs = None if chosen is None else chosen.costs
-            found.append(_missing(demonstration, primitives, its, costs, paces))
+            crossings.append(_missing(demonstration, primitives, choices, costs, paces))
         else:
-            found.append(_placed(primitives, its, chosen))
-    return assignment.reference, found
+            crossings.append(_placed(primitives, choices, chosen))
+    return assignment.reference, crossings
 
 
 def _thresholds(primitive: PrimitiveParameters, paces: Mapping[Axis, float]) -> tuple[float, ...]:
@@ -157,21 +158,23 @@ def _candidates(
     """Candidates for each primitive. Events split runs, since the hand may move on without a pause."""
     most, bridge = len(primitives) + motion_runs.SPARE_RUNS, round(parameters.bridge_s / demonstration.dt)
     events = {
-        one.name: motion_runs.events(demonstration, one.until) for one in primitives if one.until is not None
+        primitive.name: motion_runs.events(demonstration, primitive.until)
+        for primitive in primitives
+        if primitive.until is not None
     }
     breaks = sorted({int(sample) for ends in events.values() for sample in ends})
-    before = {one.name: previous.name for previous, one in pairwise(parameters.primitives)}
-    found: dict[tuple, Candidates] = {}  # shared by primitives of the same axis, threshold and events
+    before = {primitive.name: previous.name for previous, primitive in pairwise(parameters.primitives)}
+    searched: dict[tuple[object, ...], Candidates] = {}  # shared: same axis, threshold and events
     rows = []
     for primitive in primitives:
         previous = before.get(primitive.name, "")
         key = (primitive.shown_by, primitive.threshold_m_s, primitive.until, previous in events and previous)
-        if key not in found:
+        if key not in searched:
             ends, begins = events.get(primitive.name), events.get(previous, ())
             thresholds = _thresholds(primitive, paces)
             search = Search(thresholds, demonstration.dt, bridge, most, breaks, ends, begins)
-            found[key] = motion_runs.candidates(motions[primitive.shown_by], search)
-        rows.append(found[key])
+            searched[key] = motion_runs.candidates(motions[primitive.shown_by], search)
+        rows.append(searched[key])
     return rows
 
 
@@ -179,53 +182,54 @@ def _placed(
     primitives: Sequence[PrimitiveParameters], candidates: Sequence[Candidates], chosen: Chosen
 ) -> Crossings:
     """Crossings of the chosen candidates of a demonstration."""
-    found: dict[str, Crossing] = {}
+    crossings: dict[str, Crossing] = {}
     event, before = None, 0
-    *left_out, after = chosen.left_out.tolist()
-    for place, (primitive, one, at) in enumerate(zip(primitives, candidates, chosen.chain, strict=True)):
-        start, end = max(before, int(one.first[at])), int(one.last[at])
-        runs = one.runs[np.diff(one.travelled[one.runs])[:, 0] > motion_runs.MOVED * one.way[at]]
+    *unassigned, after = chosen.unassigned.tolist()
+    for place, (primitive, choices, at) in enumerate(zip(primitives, candidates, chosen.chain, strict=True)):
+        start, end = max(before, int(choices.first[at])), int(choices.last[at])
+        lengths = np.diff(choices.travelled[choices.runs])[:, 0]
+        runs = choices.runs[lengths > motion_runs.MOVED * choices.path_length[at]]
         earlier, later = runs[runs[:, 1] < start, 1], runs[runs[:, 0] > end, 0]
-        found[primitive.name] = Crossing(
+        crossings[primitive.name] = Crossing(
             start,
             end,
             max(before, int(earlier[-1]) if len(earlier) else 0),
-            int(later[0]) if len(later) else len(one.path) - 1,
+            int(later[0]) if len(later) else len(choices.path) - 1,
             start_known=start == event,
             end_known=primitive.until is not None,
-            unlike=float(chosen.costs[place]),
-            left_out=(left_out[place], after if place == len(primitives) - 1 else 0.0),
-            rested=float(one.rested[at]),
+            mismatch=float(chosen.costs[place]),
+            unassigned=(unassigned[place], after if place == len(primitives) - 1 else 0.0),
+            paused_s=float(choices.paused_s[at]),
         )
         event, before = end if primitive.until is not None else None, end
-    return found
+    return crossings
 
 
 def _missing(
     demonstration: Demonstration,
     primitives: Sequence[PrimitiveParameters],
     candidates: Sequence[Candidates],
-    unlike: np.ndarray | None,
+    mismatch: np.ndarray | None,
     paces: Mapping[Axis, float],
 ) -> InputError:
     """Error that says why a demonstration cannot be cut: its runs, and the thresholds tried."""
-    for primitive, one in zip(primitives, candidates, strict=True):
-        if primitive.until is not None and len(one.runs) and len(one.first) == 0:
+    for primitive, choices in zip(primitives, candidates, strict=True):
+        if primitive.until is not None and len(choices.runs) and len(choices.first) == 0:
             what = f"{primitive.until.signal} never comes to {primitive.until} after its motion"
             return InputError(f"{demonstration.name}: primitive '{primitive.name}': {what}")
-    place = 0 if unlike is None else int(np.argmax(unlike))
-    primitive, one = primitives[place], candidates[place]
+    place = 0 if mismatch is None else int(np.argmax(mismatch))
+    primitive, choices = primitives[place], candidates[place]
     lowest, *others = [f"{threshold:.3g}" for threshold in _thresholds(primitive, paces)]
     unit, dt = "rad/s" if primitive.axis == "rot" else "m/s", demonstration.dt
-    runs = ", ".join(f"{dt * first:.2f}-{dt * last:.2f}" for first, last in one.runs)
+    runs = ", ".join(f"{dt * first:.2f}-{dt * last:.2f}" for first, last in choices.runs)
     what = f"none is like '{primitive.name}' in the other demonstrations"
-    if unlike is None:
+    if mismatch is None:
         what = f"they cannot be {', '.join(primitive.name for primitive in primitives)} in this order"
     for until in (primitive.until for primitive in primitives if primitive.until is not None):
         times = ", ".join(f"{dt * at:.2f}" for at in motion_runs.events(demonstration, until))
         what += f"; {until.signal} comes to {until} at {f'{times} s' if times else 'no time'}"
     tried = f"; tried {', '.join(others)} {unit} too" if others else ""
     return InputError(
-        f"{demonstration.name}: has {len(one.runs)} runs of motion above {lowest} {unit}"
+        f"{demonstration.name}: has {len(choices.runs)} runs of motion above {lowest} {unit}"
         f"{f' ({runs} s)' if runs else ''}, and {what}{tried}"
     )

@@ -23,7 +23,7 @@ def cut_errors(demonstrations: Sequence[Demonstration], segmentation: Segmentati
     not guessed. `demonstrations`: with `true_segments` in the order of the primitives. Returns
     `demonstration`, `primitive`, `method`, `start_error_s`, `end_error_s` (found minus true).
     """
-    true = {one.name: one.true_segments for one in demonstrations if one.true_segments is not None}
+    true = {run.name: run.true_segments for run in demonstrations if run.true_segments is not None}
     places, cuts = segmentation.primitives, segmentation.cuts
     cuts = cuts[cuts["primitive"].isin(segmentation.pairs["primitive"].unique())]
     cuts = cuts[cuts["demonstration"] != segmentation.reference]
@@ -55,7 +55,7 @@ def aligned_segments(
     """
     cuts = segmentation.result(primitive, method)
     curves, names = [], []
-    for demonstration in (one for one in demonstrations if one.name in cuts.index):
+    for demonstration in (run for run in demonstrations if run.name in cuts.index):
         start, end = cuts.loc[demonstration.name, ["start_s", "end_s"]].to_numpy(dtype=float)
         times = np.linspace(start, max(end, start), SPREAD_SAMPLES)
         columns = [np.interp(times, demonstration.time, column) for column in path(demonstration, axis).T]
@@ -89,14 +89,14 @@ def downsampling_effect(
     `mean_shift_ms` and `max_shift_ms` of the cut points against the first factor's, and the largest shift in
     aligned samples: `shift_samples`, and `shift_samples_published` for weighted least squares as printed.
     """
-    found = {
+    segmentations = {
         factor: cut(demonstrations, parameters.model_copy(update={"downsampling": factor}))
         for factor in factors
     }
-    keys, first = ["method", "demonstration", "primitive"], found[factors[0]]
+    keys, first = ["method", "demonstration", "primitive"], segmentations[factors[0]]
     rows = []
-    for factor, segmentation in found.items():
-        ends = [one.cuts.set_index(keys)[["start_s", "end_s"]] for one in (segmentation, first)]
+    for factor, segmentation in segmentations.items():
+        ends = [cut.cuts.set_index(keys)[["start_s", "end_s"]] for cut in (segmentation, first)]
         shifts = (ends[0] - ends[1]).dropna().abs()  # demonstrations that both could cut
         shift, as_printed = (shifts.loc[method].to_numpy() for method in (RESULT, AS_PRINTED))
         in_ms, samples = 1e3 * np.array([shift.mean(), shift.max()]), factor * demonstrations[0].dt
@@ -142,9 +142,9 @@ def errors_by_seed(noise: pd.DataFrame) -> pd.DataFrame:
 
     Averages over demonstrations, primitives and both ends. `noise`: from `cut_sweep.noise_sweep`.
     """
-    found = noise[noise["method"] != "left_out"]
-    both_ends = found[["start_error_s", "end_error_s"]].abs().mean(axis=1)
-    return found.assign(error_ms=1e3 * both_ends).groupby(PERSON, as_index=False)["error_ms"].mean()
+    methods_alone = noise[noise["method"] != "left_out"]
+    both_ends = methods_alone[["start_error_s", "end_error_s"]].abs().mean(axis=1)
+    return methods_alone.assign(error_ms=1e3 * both_ends).groupby(PERSON, as_index=False)["error_ms"].mean()
 
 
 def errors_by_level(by_seed: pd.DataFrame) -> pd.DataFrame:
@@ -211,10 +211,10 @@ def alignment_comparison(
             method: distances_mm(curves, names.index(segmentation.reference))
             for method, (curves, names) in chosen.items()
         }
-        for method, found in distances.items():
-            mean, half = mean_interval(distances[BASELINE] - found)
+        for method, by_method in distances.items():
+            mean, half = mean_interval(distances[BASELINE] - by_method)
             spread = spread_mm(chosen[method][0])
-            rows.append((primitive.name, method, spread, found.mean(), mean, mean - half, mean + half))
+            rows.append((primitive.name, method, spread, by_method.mean(), mean, mean - half, mean + half))
     columns = ["primitive", "method", "spread_mm", "distance_mm", "gain_mm", "low_mm", "high_mm"]
     table = pd.DataFrame(rows, columns=columns)
     verdicts = np.where(table["method"] == BASELINE, "", verdict(table["low_mm"], table["high_mm"]))

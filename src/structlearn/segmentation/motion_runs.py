@@ -31,13 +31,13 @@ def moving_interval(
 
     The run of heavily smoothed speed (T,) above the threshold h that contains its maximum is joined with
     neighbouring runs across dips of at most `bridge` samples (hesitations). From its crossings, the cut
-    points descend the lightly smoothed speed (T,) to its local minimum or to rest. Raises InputError: the
+    points descend the lightly smoothed speed (T,) to its local minimum or to rest. Raises ValueError: the
     speed does not cross the threshold; the caller adds whose speed it is.
     """
     above = np.flatnonzero(smooth_speed[first:] > threshold) + first
     if len(above) == 0:
         peak = smooth_speed[first:].max(initial=0.0)
-        raise InputError(f"its speed never exceeds {threshold:g} m/s (largest {peak:.3g} m/s)")
+        raise ValueError(f"its speed never exceeds {threshold:g} m/s (largest {peak:.3g} m/s)")
     runs = np.split(above, np.flatnonzero(np.diff(above) > bridge + 1) + 1)
     run = max(runs, key=lambda samples: smooth_speed[samples].max())
     rest = REST_FRACTION * threshold
@@ -97,9 +97,9 @@ class Candidates:
 
     first: np.ndarray  # (G,) sample of the cut
     last: np.ndarray  # (G,)
-    rested: np.ndarray  # (G,) s of dips counted as hesitations
+    paused_s: np.ndarray  # (G,) s of dips counted as hesitations
     duration: np.ndarray  # (G,) s
-    way: np.ndarray  # (G,) m or rad, path length
+    path_length: np.ndarray  # (G,) m or rad, path length
     path: np.ndarray  # (T, D) m or rad, heavily smoothed
     travelled: np.ndarray  # (T,) path length up to a sample, without the drift of a resting hand
     runs: np.ndarray  # (R, 2) first and last samples of the runs at the lowest threshold
@@ -125,7 +125,7 @@ def motion(demonstration: Demonstration, axis: Axis, parameters: SegmentParamete
     raw, dt = path(demonstration, axis), demonstration.dt
     smooth = signals.low_pass(raw, dt, parameters.guess_cutoff_hz)
     light = signals.low_pass(raw, dt, parameters.cut_cutoff_hz)
-    speeds = [np.linalg.norm(signals.derivative(one, dt), axis=1) for one in (smooth, light)]
+    speeds = [np.linalg.norm(signals.derivative(filtered, dt), axis=1) for filtered in (smooth, light)]
     if parameters.assigns_runs:  # the largest movement is found regardless of the ends
         cutoffs_hz = (parameters.guess_cutoff_hz, parameters.cut_cutoff_hz)
         speeds = [_without_ends(*pair, dt) for pair in zip(speeds, cutoffs_hz, strict=True)]
@@ -150,7 +150,7 @@ def pace(motions: Sequence[Motion]) -> float:
 
     Weighting by path instead of time makes rests and twitches almost irrelevant, however long or quick.
     """
-    means = [np.sum(one.smooth_speed**2) / max(np.sum(one.smooth_speed), 1e-300) for one in motions]
+    means = [np.sum(motion.smooth_speed**2) / max(np.sum(motion.smooth_speed), 1e-300) for motion in motions]
     return float(np.median(means))
 
 
@@ -186,10 +186,10 @@ def runs_of_motion(
     starts = above & ~np.append(False, above[:-1])
     starts[[sample for sample in breaks if above[sample]]] = True
     ends = above & np.append(starts[1:] | ~above[1:], True)
-    found = np.stack([np.flatnonzero(starts), np.flatnonzero(ends)], axis=1)
+    runs = np.stack([np.flatnonzero(starts), np.flatnonzero(ends)], axis=1)
     travelled = np.append(0.0, np.cumsum(smooth_speed))
-    way = travelled[found[:, 1] + 1] - travelled[found[:, 0]]
-    return found[np.sort(np.argsort(-way, kind="stable")[:most])]
+    path_length = travelled[runs[:, 1] + 1] - travelled[runs[:, 0]]
+    return runs[np.sort(np.argsort(-path_length, kind="stable")[:most])]
 
 
 @dataclass(frozen=True)
@@ -216,7 +216,7 @@ def candidates(moved: Motion, search: Search) -> Candidates:
     """
     step = np.linalg.norm(np.diff(moved.path, axis=0, prepend=moved.path[:1]), axis=1)
     travelled = np.cumsum(np.where(moved.smooth_speed > search.thresholds[0], step, 0.0))
-    rested: dict[tuple[int, int], int] = {}  # by ends: the shortest rest over the thresholds
+    paused: dict[tuple[int, int], int] = {}  # by ends: the shortest rest over the thresholds
     for threshold in search.thresholds:
         runs = runs_of_motion(moved.smooth_speed, threshold, search.most, search.breaks)
         for i, j, dips in _joined(runs, search.bridge):
@@ -224,16 +224,16 @@ def candidates(moved: Motion, search: Search) -> Candidates:
                 continue
             ends = _ends(moved, runs, i, j, threshold, search)
             if ends is not None:
-                rested[ends] = min(dips, rested.get(ends, dips))
-    rested |= dict.fromkeys(_between_events(moved, search), 0)
-    first, last = np.array(sorted(rested), dtype=int).reshape(-1, 2).T
-    way = np.maximum(travelled[last] - travelled[first], search.dt * search.thresholds[0])  # > 0
+                paused[ends] = min(dips, paused.get(ends, dips))
+    paused |= dict.fromkeys(_between_events(moved, search), 0)
+    first, last = np.array(sorted(paused), dtype=int).reshape(-1, 2).T
+    path_length = np.maximum(travelled[last] - travelled[first], search.dt * search.thresholds[0])  # > 0
     return Candidates(
         first,
         last,
-        search.dt * np.array([rested[ends] for ends in sorted(rested)]),
+        search.dt * np.array([paused[ends] for ends in sorted(paused)]),
         search.dt * (last - first + 1),
-        way,
+        path_length,
         moved.path,
         travelled,
         runs_of_motion(moved.smooth_speed, search.thresholds[0], search.most),
@@ -266,11 +266,11 @@ def _joined(runs: np.ndarray, bridge: int) -> Iterator[tuple[int, int, int]]:
 def _leads(path: np.ndarray, travelled: np.ndarray, runs: np.ndarray) -> bool:
     """Whether joined runs make progress before and after each dip between them (`LED`)."""
     start, end = path[runs[0, 0]], path[runs[-1, 1]]
-    way = travelled[runs[-1, 1]] - travelled[runs[0, 0]]
+    path_length = travelled[runs[-1, 1]] - travelled[runs[0, 0]]
     for dips, here, there in ((path[runs[1:, 0]], start, end), (path[runs[:-1, 1]], end, start)):
         led = np.linalg.norm(here - there) - np.linalg.norm(dips - there, axis=1)
         strayed = np.linalg.norm(dips - here, axis=1)
-        if np.any((led < LED * way) & (strayed < STRAYED * way)):
+        if np.any((led < LED * path_length) & (strayed < STRAYED * path_length)):
             return False
     return True
 

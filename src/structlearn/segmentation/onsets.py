@@ -19,7 +19,7 @@ from structlearn.core import minimum_jerk
 PHASE = np.linspace(0.0, 1.0, 2001)
 PROGRESS = minimum_jerk.progress(PHASE)
 
-REST_S = 0.3
+REST_WINDOW_S = 0.3
 """Longest time before the crossing that is used to estimate the rest position and its sway."""
 
 FIRST_SHARE, LAST_SHARE = 0.01, 0.05
@@ -32,7 +32,7 @@ the last is at least `SHARES` times the first."""
 STRAIGHT = 0.5
 """Least distance between the ends over the path length, for a movement that progresses steadily."""
 
-FEWEST = 4
+FEWEST_SAMPLES = 4
 """Fewest samples for the line."""
 
 
@@ -55,15 +55,15 @@ def movement_ends(
 def _onset(path: np.ndarray, dt: float, crossing: tuple[int, int], limits: tuple[int, int]) -> int:
     """Sample at which the movement leaves rest; arguments as in `movement_ends`."""
     start, end = crossing
-    earliest, rest = limits[0], round(REST_S / dt)
+    earliest, rest = limits[0], round(REST_WINDOW_S / dt)
     before, after = path[max(earliest, start - rest) : start + 1], path[end : min(limits[1], end + rest) + 1]
     origin = np.median(before, axis=0)  # median, since some of these samples may be moving
-    way = np.median(after, axis=0) - origin
-    distance = float(np.linalg.norm(way))
+    displacement = np.median(after, axis=0) - origin
+    distance = float(np.linalg.norm(displacement))
     length = float(np.linalg.norm(np.diff(path[start : end + 1], axis=0), axis=1).sum())
     if distance <= STRAIGHT * length:
         return start
-    share = (path - origin) @ way / distance**2
+    share = (path - origin) @ displacement / distance**2
     sway = float(share[start - len(before) + 1 : start + 1].std())
     first = min(max(FIRST_SHARE, SWAY * sway), LARGEST_SHARE)
     last = max(LAST_SHARE, SHARES * first)
@@ -71,7 +71,7 @@ def _onset(path: np.ndarray, dt: float, crossing: tuple[int, int], limits: tuple
     below = np.flatnonzero(share[earliest:passed] < first)
     samples = np.arange(earliest + (int(below[-1]) + 1 if len(below) else 0), passed)
     phase = np.interp(share[samples], PROGRESS, PHASE)
-    if len(samples) < FEWEST or np.ptp(phase) == 0.0:
+    if len(samples) < FEWEST_SAMPLES or np.ptp(phase) == 0.0:
         return start
     slope, onset = np.polyfit(phase, samples, 1)
     return int(np.clip(round(onset), earliest, passed)) if slope > 0 else start

@@ -66,23 +66,24 @@ def quality(
             continue
         smooth = signals.low_pass(run.position, run.dt, smoothing_hz)
         speed = np.linalg.norm(signals.derivative(smooth, run.dt), axis=1)
-        found = []
+        smooth_and_jerk = []
         for name, table in cuts.items():
             start, end = table.loc[run.name, ["start_s", "end_s"]]
             part = (run.time >= start) & (run.time <= end)
             if speed[part].max() > 0.0:  # otherwise pure rotation
                 smoothness = spectral_arc_length(speed[part], run.dt)
-                found.append((smoothness, log_dimensionless_jerk(smooth[part], run.dt)))
+                smooth_and_jerk.append((smoothness, log_dimensionless_jerk(smooth[part], run.dt)))
             moved = smooth[part] - smooth[part][0]
             paths[name].append(signals.time_normalised(moved, POINTS))
         start = min(table.loc[run.name, "start_s"] for table in cuts.values())
         end = max(table.loc[run.name, "end_s"] for table in cuts.values())
         whole = (run.time >= start) & (run.time <= end)
         idle = float(np.mean(speed[whole] < IDLE_SHARE * speed[whole].max()))
-        rows.append((run.name, *np.mean(found, axis=0), idle))
+        rows.append((run.name, *np.mean(smooth_and_jerk, axis=0), idle))
     table = pd.DataFrame(rows, columns=["demonstration", *MEASURES[:3]])
     away = [
-        np.linalg.norm(np.stack(its) - np.mean(its, axis=0), axis=-1).mean(axis=1) for its in paths.values()
+        np.linalg.norm(np.stack(of_primitive) - np.mean(of_primitive, axis=0), axis=-1).mean(axis=1)
+        for of_primitive in paths.values()
     ]
     table["distance_mm"] = 1e3 * np.mean(away, axis=0)
     table["outlier"] = _outliers(table)

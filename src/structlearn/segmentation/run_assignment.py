@@ -17,24 +17,24 @@ import numpy as np
 
 from structlearn.segmentation.motion_runs import Candidates
 
-LEFT_OUT = 1.5  # price of motion outside all primitives, per mean path length of a primitive
+UNASSIGNED_PRICE = 1.5  # price of motion outside all primitives, per mean path length of a primitive
 DISPLACED = 2.0
-"""Further price of left-out motion, by its displacement: a twitch returns, whereas motion that leads to the
+"""Further price of unassigned motion, by its displacement: a twitch returns, whereas motion that leads to the
 start of the next primitive is probably part of one."""
 
 HASTE = 0.5  # weight of the duration: people repeat paths more exactly than timing
-RESTED = 1.0
+PAUSE_PRICE = 1.0
 """Price per s of a dip counted as a hesitation: the longer, the more likely it is a pause."""
 
 MISSING = 3.0
 """Cost above which a candidate is not the pattern's primitive: a twitch instead of a move, or a move in the
 opposite direction with another length."""
 
-OVERLAP = 0.3
+MOST_OVERLAP = 0.3
 """Allowed overlap of neighbours on different axes, relative to the shorter one: the hand often turns before
 it has arrived. Motion along one axis belongs to a single primitive."""
 
-PATTERNS, FEWEST = 1200, 10
+PATTERNS, FEWEST_PATTERNS = 1200, 10
 """Number of ways to cut that are tried as the pattern, in total and at least per demonstration: the cheapest
 by the prices above. The work grows with their number times that of the demonstrations."""
 
@@ -45,9 +45,9 @@ class Chosen:
 
     chain: np.ndarray  # (P,) indices of the candidates
     costs: np.ndarray  # (P,) dissimilarity from the pattern
-    # (P + 1,) unassigned motion before each primitive and after the last (`LEFT_OUT`), relative to a mean
-    # primitive of the pattern
-    left_out: np.ndarray
+    # (P + 1,) unassigned motion before each primitive and after the last (`UNASSIGNED_PRICE`), relative to
+    # a mean primitive of the pattern
+    unassigned: np.ndarray
 
 
 @dataclass(frozen=True)
@@ -61,10 +61,10 @@ class Assignment:
 
 @dataclass(frozen=True)
 class Pattern:
-    """Duration, way and displacement of K patterns of P primitives."""
+    """Duration, path length and displacement of K patterns of P primitives."""
 
     duration: np.ndarray  # (K, P) s
-    way: np.ndarray  # (K, P)
+    path_length: np.ndarray  # (K, P)
     displacement: list[np.ndarray]  # P of (K, D)
     turns: np.ndarray  # (P,) mask: path in rad
 
@@ -72,20 +72,20 @@ class Pattern:
     def of(cls, picked: Sequence[Sequence[tuple[Candidates, int]]]) -> Self:
         """Patterns of K by P candidates, each with its index."""
         return cls(
-            np.array([[one.duration[g] for one, g in row] for row in picked]),
-            np.array([[one.way[g] for one, g in row] for row in picked]),
+            np.array([[choices.duration[g] for choices, g in row] for row in picked]),
+            np.array([[choices.path_length[g] for choices, g in row] for row in picked]),
             [
-                np.array([one.path[one.last[g]] - one.path[one.first[g]] for one, g in column])
+                np.array([own.path[own.last[g]] - own.path[own.first[g]] for own, g in column])
                 for column in zip(*picked, strict=True)
             ],
-            np.array([one.turns for one, _ in picked[0]]),
+            np.array([choices.turns for choices, _ in picked[0]]),
         )
 
     @property
-    def mean_way(self) -> np.ndarray:
+    def mean_path_length(self) -> np.ndarray:
         """(K, P) mean path length over the primitives with the same unit."""
         same = self.turns[:, None] == self.turns
-        return self.way @ (same / same.sum(axis=0))
+        return self.path_length @ (same / same.sum(axis=0))
 
 
 def assign(
@@ -98,12 +98,12 @@ def assign(
     the references has a chain of candidates.
     """
     gaps = [_gaps(primitives, between) for primitives in demonstrations]
-    most = max(PATTERNS // len(references), FEWEST)
+    most = max(PATTERNS // len(references), FEWEST_PATTERNS)
     owners, chains, own = [], [], []
     for index in references:
-        found, prices = _chains(demonstrations[index], gaps[index], most)
-        owners += [index] * len(found)
-        chains += found
+        cheapest_chains, prices = _chains(demonstrations[index], gaps[index], most)
+        owners += [index] * len(cheapest_chains)
+        chains += cheapest_chains
         own += prices
     if not chains:
         return None
@@ -130,46 +130,47 @@ def _chosen(
 ) -> Chosen:
     places = range(len(chain))
     motion = [gaps[p][chain[p - 1] if p else 0, chain[p]] for p in places] + [gaps[-1][chain[-1], 0]]
-    costs = [unlike(one, pattern, p)[0, chain[p]] for p, one in enumerate(primitives)]
-    return Chosen(chain, np.array(costs), np.array(motion) / pattern.mean_way[0, [*places, -1]])
+    costs = [mismatch(choices, pattern, p)[0, chain[p]] for p, choices in enumerate(primitives)]
+    return Chosen(chain, np.array(costs), np.array(motion) / pattern.mean_path_length[0, [*places, -1]])
 
 
 def _gaps(primitives: Sequence[Candidates], between: Sequence[bool]) -> list[np.ndarray]:
-    """Cost (`_left_out`) of motion before each primitive along its own axis, and after the last one.
+    """Cost (`_unassigned`) of motion before each primitive along its own axis, and after the last one.
 
     Returns P + 1 tables: (1, G) before the first, (G before, G after) between, inf for the wrong order, (G,
     1) after the last.
     """
     first, last = primitives[0], primitives[-1]
-    tables = [_left_out(first, np.zeros(1, dtype=int), first.first)]
+    tables = [_unassigned(first, np.zeros(1, dtype=int), first.first)]
     for before, after, moves in zip(primitives, primitives[1:], between[1:], strict=False):
         overlap = before.last[:, None] - after.first[None]
         shorter = np.minimum((before.last - before.first)[:, None], (after.last - after.first)[None])
         other_axis = not np.array_equal(before.runs, after.runs)
-        in_order = (overlap <= OVERLAP * shorter * other_axis) & (before.first[:, None] < after.first[None])
-        price = np.zeros(in_order.shape) if moves else _left_out(after, before.last, after.first)
+        later = before.first[:, None] < after.first[None]
+        in_order = (overlap <= MOST_OVERLAP * shorter * other_axis) & later
+        price = np.zeros(in_order.shape) if moves else _unassigned(after, before.last, after.first)
         tables.append(np.where(in_order, price, np.inf))
-    return [*tables, _left_out(last, last.last, np.array([len(last.path) - 1]))]
+    return [*tables, _unassigned(last, last.last, np.array([len(last.path) - 1]))]
 
 
-def _left_out(one: Candidates, since: np.ndarray, until: np.ndarray) -> np.ndarray:
+def _unassigned(choices: Candidates, since: np.ndarray, until: np.ndarray) -> np.ndarray:
     """(S, U) path length along one axis from samples (S,) to samples (U,), plus `DISPLACED` displacements."""
-    way = np.maximum(one.travelled[until][None] - one.travelled[since][:, None], 0.0)
-    apart = np.linalg.norm(one.path[until][None] - one.path[since][:, None], axis=2)
-    return way + DISPLACED * np.minimum(apart, way)
+    path_length = np.maximum(choices.travelled[until][None] - choices.travelled[since][:, None], 0.0)
+    apart = np.linalg.norm(choices.path[until][None] - choices.path[since][:, None], axis=2)
+    return path_length + DISPLACED * np.minimum(apart, path_length)
 
 
 def _chains(
     primitives: Sequence[Candidates], gaps: Sequence[np.ndarray], most: int
 ) -> tuple[list[np.ndarray], list[float]]:
-    """Cheapest cuts of a demonstration and their costs, counting only left-out motion and dips."""
-    ways = np.array([one.travelled[-1] for one in primitives])
-    alike = [sum(one.turns == other.turns for other in primitives) for one in primitives]
-    price = LEFT_OUT * np.array(alike) / np.maximum(ways, np.finfo(float).tiny)
+    """Cheapest cuts of a demonstration and their costs, counting only unassigned motion and dips."""
+    ways = np.array([choices.travelled[-1] for choices in primitives])
+    alike = [sum(choices.turns == other.turns for other in primitives) for choices in primitives]
+    price = UNASSIGNED_PRICE * np.array(alike) / np.maximum(ways, np.finfo(float).tiny)
     chains, prices = np.zeros((1, 0), dtype=int), np.zeros(1)
-    for place, one in enumerate(primitives):
+    for place, choices in enumerate(primitives):
         before = gaps[place][chains[:, -1] if place else [0]]  # (N, G)
-        grown = prices[:, None] + price[place] * before + RESTED * one.rested
+        grown = prices[:, None] + price[place] * before + PAUSE_PRICE * choices.paused_s
         order = np.argsort(grown, axis=None, kind="stable")[:most]
         order = order[np.isfinite(grown.ravel()[order])]
         rows, columns = np.unravel_index(order, grown.shape)
@@ -178,17 +179,17 @@ def _chains(
     return list(chains), prices.tolist()
 
 
-def unlike(one: Candidates, pattern: Pattern, place: int) -> np.ndarray:
+def mismatch(choices: Candidates, pattern: Pattern, place: int) -> np.ndarray:
     """(K, G) dissimilarity of each candidate from each pattern's primitive; 0 if equal.
 
     Combines the log ratios of duration and path length, and the distance of the displacements.
     """
-    way = pattern.way[:, place, None]
-    displacement = one.path[one.last] - one.path[one.first]
+    path_length = pattern.path_length[:, place, None]
+    displacement = choices.path[choices.last] - choices.path[choices.first]
     apart = np.linalg.norm(displacement[None] - pattern.displacement[place][:, None], axis=2)
-    longer = np.abs(np.log(one.duration[None] / pattern.duration[:, place, None]))
-    farther = np.abs(np.log(one.way[None] / way))
-    return HASTE * longer + farther + 2.0 * apart / (one.way[None] + way)
+    longer = np.abs(np.log(choices.duration[None] / pattern.duration[:, place, None]))
+    farther = np.abs(np.log(choices.path_length[None] / path_length))
+    return HASTE * longer + farther + 2.0 * apart / (choices.path_length[None] + path_length)
 
 
 def _cheapest(
@@ -198,14 +199,14 @@ def _cheapest(
 
     Costs are inf if there is no chain; the chain is (P,) candidates, or None.
     """
-    price = LEFT_OUT / pattern.mean_way  # (K, P)
+    price = UNASSIGNED_PRICE / pattern.mean_path_length  # (K, P)
     best, ways_back = np.zeros((len(price), 1)), []
-    for place, one in enumerate(primitives):
-        if len(one.first) == 0:
+    for place, choices in enumerate(primitives):
+        if len(choices.first) == 0:
             return np.full(len(price), np.inf), None
         so_far = best[:, :, None] + price[:, place, None, None] * gaps[place][None]  # (K, G before, G)
         ways_back.append(np.argmin(so_far[0], axis=0))
-        best = so_far.min(axis=1) + unlike(one, pattern, place) + RESTED * one.rested
+        best = so_far.min(axis=1) + mismatch(choices, pattern, place) + PAUSE_PRICE * choices.paused_s
     ends = best + price[:, -1:] * gaps[-1][None, :, 0]
     if not np.isfinite(ends[0]).any():
         return ends.min(axis=1), None

@@ -31,7 +31,7 @@ class Segmentation:
     """All cuts of a set of demonstrations."""
 
     # one row per demonstration, primitive and method; times since the start of the demonstration; columns of
-    # all tables: `COLUMNS`
+    # all tables: `TABLE_COLUMNS`
     cuts: pd.DataFrame
     pairs: pd.DataFrame  # one row per correspondence; times since the start of either demonstration
     left_out: pd.DataFrame  # demonstrations that could not be cut
@@ -60,14 +60,14 @@ def write_segmentation(segmentation: Segmentation, folder: str | Path) -> None:
     tables = vars(segmentation) | {"reference": pd.DataFrame({"reference": [segmentation.reference]})}
     with publish(folder) as path:
         path.mkdir()
-        for name in COLUMNS:
+        for name in TABLE_COLUMNS:
             write_table(tables[name], path / f"{name}.parquet")
 
 
 def read_segmentation(folder: str | Path) -> Segmentation:
     """Read a segmentation. Raises InputError: a table is missing, unreadable or has other columns."""
-    paths = {name: Path(folder, f"{name}.parquet") for name in COLUMNS}
-    tables = {name: read_table(path, COLUMNS[name]) for name, path in paths.items()}
+    paths = {name: Path(folder, f"{name}.parquet") for name in TABLE_COLUMNS}
+    tables = {name: read_table(path, TABLE_COLUMNS[name]) for name, path in paths.items()}
     reference = tables.pop("reference")["reference"]
     if len(reference) != 1:
         raise InputError(f"{paths['reference']}: has {len(reference)} rows, not one")
@@ -76,7 +76,7 @@ def read_segmentation(folder: str | Path) -> Segmentation:
 
 PAIR_COLUMNS = ["demonstration", "primitive", "reference_s", "guess_s", "weight"]
 
-COLUMNS = {
+TABLE_COLUMNS = {
     "cuts": ("demonstration", "primitive", "method", "start_s", "end_s"),
     "pairs": tuple(PAIR_COLUMNS),
     "left_out": ("demonstration", "reason"),
@@ -104,21 +104,21 @@ def cut(demonstrations: Sequence[Demonstration], parameters: SegmentParameters) 
     reference = demonstrations[place]
     reference_movements = _movements(reference, crossings[place], parameters)
     cuts, pairs, warnings, left_out, cells = [], [], [], {}, 0
-    for demonstration, found in zip(demonstrations, crossings, strict=True):
+    for demonstration, own_crossings in zip(demonstrations, crossings, strict=True):
         try:
             own = demonstration is reference
-            movements = reference_movements if own else _movements(demonstration, found, parameters)
+            movements = reference_movements if own else _movements(demonstration, own_crossings, parameters)
             refined = {}
             for name, movement in movements.items():
                 try:
                     refined[name] = alignment.refine(reference_movements[name], movement, parameters)
-                except InputError as error:
+                except ValueError as error:
                     raise InputError(f"{demonstration.name}: primitive '{name}': {error}") from error
             cuts.append(_cut_rows(demonstration, refined, parameters))
-            cells += sum(one.cells for one in refined.values())
+            cells += sum(aligned.cells for aligned in refined.values())
             warnings += alignment.cut_warnings(demonstration.name, refined, own)
             if not own:
-                pairs += [_pair_rows(demonstration.name, *one) for one in refined.items()]
+                pairs += [_pair_rows(demonstration.name, *aligned) for aligned in refined.items()]
         except InputError as error:
             if own or not parameters.skip_failures:
                 raise
@@ -131,7 +131,7 @@ def cut(demonstrations: Sequence[Demonstration], parameters: SegmentParameters) 
     return Segmentation(
         cuts=pd.concat(cuts, ignore_index=True),
         pairs=pd.concat(pairs, ignore_index=True) if pairs else pd.DataFrame(columns=PAIR_COLUMNS),
-        left_out=pd.DataFrame(left_out.items(), columns=COLUMNS["left_out"]),
+        left_out=pd.DataFrame(left_out.items(), columns=TABLE_COLUMNS["left_out"]),
         warnings=pd.DataFrame(warnings, columns=WARNING_COLUMNS).astype({"number": float}),
         reference=reference.name,
         cells=cells,
@@ -139,14 +139,14 @@ def cut(demonstrations: Sequence[Demonstration], parameters: SegmentParameters) 
 
 
 def _movements(
-    demonstration: Demonstration, found: Crossings | InputError, parameters: SegmentParameters
+    demonstration: Demonstration, crossings: Crossings | InputError, parameters: SegmentParameters
 ) -> dict[str, Movement]:
     """Signals to align, per primitive with an axis; raises the reason if there are no crossings."""
-    if isinstance(found, InputError):
-        raise found
+    if isinstance(crossings, InputError):
+        raise crossings
     dt, movements = demonstration.dt, {}
-    axes = {one.name: one.shown_by for one in parameters.primitives if one.name in found}
-    for name, crossing in found.items():
+    axes = {part.name: part.shown_by for part in parameters.primitives if part.name in crossings}
+    for name, crossing in crossings.items():
         smooth = signals.low_pass(path(demonstration, axes[name]), dt, parameters.align_cutoff_hz)
         movements[name] = Movement(dt, smooth, signals.derivative(smooth, dt), crossing)
     return movements
@@ -159,13 +159,13 @@ def _cut_rows(
     dt, duration = demonstration.dt, demonstration.time[-1]
     rows = []
     for method in METHODS:
-        found = {name: one.ends(method) for name, one in refined.items()}
+        ends = {name: aligned.ends(method) for name, aligned in refined.items()}
         for index, primitive in enumerate(parameters.primitives):
             if primitive.axis == BETWEEN:
                 before, after = parameters.primitives[index - 1], parameters.primitives[index + 1]
-                start, end = found[before.name][1], found[after.name][0]
+                start, end = ends[before.name][1], ends[after.name][0]
             else:
-                start, end = found[primitive.name]
+                start, end = ends[primitive.name]
             start_s, end_s = np.clip([start * dt, end * dt], 0.0, duration)
             if method == RESULT and end_s - start_s < 2 * dt:
                 raise InputError(
@@ -173,12 +173,13 @@ def _cut_rows(
                     f"{start_s:.3f} to {end_s:.3f} s"
                 )
             rows.append((demonstration.name, primitive.name, method, start_s, end_s))
-    return pd.DataFrame(rows, columns=COLUMNS["cuts"])
+    return pd.DataFrame(rows, columns=TABLE_COLUMNS["cuts"])
 
 
-def _pair_rows(demonstration: str, primitive: str, one: Refined) -> pd.DataFrame:
-    reference_s, guess_s = one.reference.dt * one.pairs[:, 0], one.own.dt * one.pairs[:, 1]
-    columns = (demonstration, primitive, reference_s, guess_s, one.weights)
+def _pair_rows(demonstration: str, primitive: str, aligned: Refined) -> pd.DataFrame:
+    reference_s = aligned.reference.dt * aligned.pairs[:, 0]
+    guess_s = aligned.own.dt * aligned.pairs[:, 1]
+    columns = (demonstration, primitive, reference_s, guess_s, aligned.weights)
     return pd.DataFrame(dict(zip(PAIR_COLUMNS, columns, strict=True)))
 
 
@@ -190,7 +191,7 @@ def commanded_cuts(runs: Sequence[Demonstration], names: Sequence[str]) -> dict[
     labels = pd.Index([run.name for run in runs], name="demonstration")
     segments = [run.true_segments for run in runs if run.true_segments is not None]
     return {
-        name: pd.DataFrame([one[place] for one in segments], columns=["start_s", "end_s"], index=labels)
+        name: pd.DataFrame([rows[place] for rows in segments], columns=["start_s", "end_s"], index=labels)
         for place, name in enumerate(names)
     }
 
@@ -205,5 +206,5 @@ def execution_cuts(
     """
     if all(run.true_segments is not None and len(run.true_segments) == len(names) for run in runs):
         return commanded_cuts(runs, names)
-    found = cut(runs, parameters.model_copy(update={"reference": None, "skip_failures": False}))
-    return {name: found.result(name)[["start_s", "end_s"]] for name in names}
+    segmentation = cut(runs, parameters.model_copy(update={"reference": None, "skip_failures": False}))
+    return {name: segmentation.result(name)[["start_s", "end_s"]] for name in names}

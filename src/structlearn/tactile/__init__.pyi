@@ -14,7 +14,7 @@ from .latent_models import (
 )
 from .latent_training import train as train
 from .servo_controller import (
-    RestingServo as RestingServo,
+    AdaptiveServo as AdaptiveServo,
     ServoParameters as ServoParameters,
     TactileServo as TactileServo,
 )

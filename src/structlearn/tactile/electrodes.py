@@ -166,7 +166,7 @@ def path_length(path: np.ndarray) -> np.ndarray:
 
 
 @dataclass(frozen=True)
-class MapLaying:
+class MapAlignment:
     """An isometry of the plane: rotation, possibly reflection, and shift."""
 
     centre: np.ndarray  # (2,) centre of the map
@@ -178,7 +178,7 @@ class MapLaying:
         return (points - self.centre) @ self.turn + self.place
 
 
-def map_laying(points: np.ndarray, places: np.ndarray) -> MapLaying:
+def align_map(points: np.ndarray, places: np.ndarray) -> MapAlignment:
     """Isometry that aligns a latent map with the skin in the least-squares sense (orthogonal Procrustes).
 
     The loss of a map contains distances only, so its orientation is arbitrary. `points` (N, 2) of the map, in
@@ -186,4 +186,4 @@ def map_laying(points: np.ndarray, places: np.ndarray) -> MapLaying:
     """
     centre, place = points.mean(axis=0), places.mean(axis=0)
     left, _, right = np.linalg.svd((points - centre).T @ (places - place))
-    return MapLaying(centre, left @ right, place)
+    return MapAlignment(centre, left @ right, place)

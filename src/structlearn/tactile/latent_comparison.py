@@ -144,11 +144,15 @@ def _point(models: LatentModels, split: SplitData, tested: LatentData, penalty: 
     latent = latent_errors(models, {"test": split}).melt(keys, names, "quantity")
     forward = forward_errors(models, tested).query("steps == 3 and forward != 'unchanged'")
     forward = forward.assign(quantity="forward " + forward["forward"] + "-" + forward["trained_with"])
-    asked = direction_errors(models, tested, penalty).query("comparison == 'encoder'")
-    asked = asked.assign(quantity="direction " + asked["inverse"] + "-" + asked["trained_with"])
-    asked = asked.groupby([*keys, "quantity"], as_index=False)["distance"].mean()
+    directions = direction_errors(models, tested, penalty).query("comparison == 'encoder'")
+    directions = directions.assign(
+        quantity="direction " + directions["inverse"] + "-" + directions["trained_with"]
+    )
+    directions = directions.groupby([*keys, "quantity"], as_index=False)["distance"].mean()
     same = {"nmse": "value", "distance": "value"}
-    tables = [table.rename(columns=same)[[*keys, "quantity", "value"]] for table in (latent, forward, asked)]
+    tables = [
+        table.rename(columns=same)[[*keys, "quantity", "value"]] for table in (latent, forward, directions)
+    ]
     return pd.concat(tables, ignore_index=True)
 
 
@@ -263,8 +267,8 @@ def direction_errors(models: LatentModels, data: LatentData, penalty: float) -> 
     step = LatentStep(latents[1], latents[0], actions[0], time_step)
     tables = []
     for inverse, forward in FORWARD_OF.items():
-        for way in (NO_INVERSE, inverse):
-            dynamics = models.dynamics(forward, way)
+        for trained_with in (NO_INVERSE, inverse):
+            dynamics = models.dynamics(forward, trained_with)
             predicted = chained(dynamics, step.latent, actions[1:], time_step)[0]
             by_forward, by_encoder = (
                 inferred_action(inverse, dynamics, step, target, penalty)
@@ -278,7 +282,12 @@ def direction_errors(models: LatentModels, data: LatentData, penalty: float) -> 
             for (comparison, (found, wanted)), part in product(comparisons.items(), PARTS):
                 its = PARTS[part]
                 distance = _cosine_distance(found[:, its], wanted[:, its], actions[1][:, its].norm(dim=1))
-                keys = {"inverse": inverse, "trained_with": way, "comparison": comparison, "part": part}
+                keys = {
+                    "inverse": inverse,
+                    "trained_with": trained_with,
+                    "comparison": comparison,
+                    "part": part,
+                }
                 tables.append(_by_model(models, {"distance": distance}, **keys))
     return pd.concat(tables, ignore_index=True)
 
@@ -308,13 +317,15 @@ def _by_prediction(
     """Errors by forward model and chain length, computed from predicted and actual latent state (M, 3, B)."""
     latents, actions, time_step = _along_chains(models, data)
     predictions = {(UNCHANGED, NO_INVERSE): latents[:1].expand_as(latents[1:])}
-    for forward, ways in TRAINED_WITH.items():
-        for way in ways:
-            dynamics = models.dynamics(forward, way)
-            predictions[forward, way] = chained(dynamics, latents[0], actions, time_step)
+    for forward, losses in TRAINED_WITH.items():
+        for trained_with in losses:
+            dynamics = models.dynamics(forward, trained_with)
+            predictions[forward, trained_with] = chained(dynamics, latents[0], actions, time_step)
     tables = [
-        _by_model(models, errors(found, latents[steps], steps), forward=kind, trained_with=way, steps=steps)
-        for (kind, way), predicted in predictions.items()
+        _by_model(
+            models, errors(found, latents[steps], steps), forward=kind, trained_with=trained_with, steps=steps
+        )
+        for (kind, trained_with), predicted in predictions.items()
         for steps, found in enumerate(predicted, start=1)
     ]
     return pd.concat(tables, ignore_index=True)

@@ -36,7 +36,7 @@ from structlearn.tactile.latent_parameters import (
     NONLINEAR,
     STRUCTURES,
     TRAINED_WITH,
-    NetworkParameters,
+    LatentNetworkParameters,
 )
 from structlearn.tactile.touch_dataset import TouchUnits
 
@@ -113,7 +113,7 @@ class LatentModels:
         cls,
         seeds: Sequence[int],
         electrodes: int,
-        parameters: NetworkParameters,
+        parameters: LatentNetworkParameters,
         generator: torch.Generator,
         actions: int = ACTION,
     ) -> Self:

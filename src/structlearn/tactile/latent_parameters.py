@@ -32,7 +32,7 @@ FORWARD_OF: dict[InverseModel, str] = {
 }
 
 
-class NetworkParameters(Parameters):
+class LatentNetworkParameters(Parameters):
     """Layer sizes of the networks (II.4.1.3)."""
 
     encoder_hidden: tuple[PositiveInt, ...]
@@ -71,7 +71,7 @@ class LatentParameters(Parameters):
     starts: PositiveInt
     start_steps: PositiveInt
     map_unit_m: float = Field(gt=0)
-    networks: NetworkParameters
+    networks: LatentNetworkParameters
     training: LatentTrainingParameters
     pair_pool: PositiveInt
     evaluation_pairs: PositiveInt
@@ -82,7 +82,7 @@ class LatentSpaceParameters(Parameters):
     """Latent spaces of a small set of touches."""
 
     seeds: PositiveInt
-    networks: NetworkParameters
+    networks: LatentNetworkParameters
     training: LatentTrainingParameters
     pair_pool: int = Field(ge=1)
     evaluation_pairs: int = Field(ge=1)

@@ -121,11 +121,11 @@ class TableRuns:
         steps = np.linalg.norm(np.diff(self.path, axis=0), axis=-1)
         done = np.vstack([np.zeros((1, *arrival.shape)), steps.cumsum(axis=0)])
         step = np.maximum(arrival, 0)[None]
-        way = np.take_along_axis(done, step, axis=0)[0]
+        length = np.take_along_axis(done, step, axis=0)[0]
         end = np.take_along_axis(self.path, step[..., None], axis=0)[0]
         straight = np.linalg.norm(end - self.path[0], axis=-1)
         with np.errstate(divide="ignore", invalid="ignore"):
-            return np.where((arrival > 0) & (straight > 0), way / straight, np.nan)
+            return np.where((arrival > 0) & (straight > 0), length / straight, np.nan)
 
 
 def servo_on_table(

@@ -12,7 +12,7 @@ and outputs are numpy arrays in SI units and counts; internally everything is in
 `TactileServo` is as published: inverse models use the value and the derivative of the forward model at one
 action. The model was trained on demonstrated actions, so both are good on average over these but may be poor
 elsewhere: a person who sweeps steadily shows no slow motion, and hardly shows the effects of pitch and yaw.
-`RestingServo` uses only what the forward model predicts well, and observations for the rest:
+`AdaptiveServo` uses only what the forward model predicts well, and observations for the rest:
 
     rest:           a finger at rest keeps its touch, zd(z, 0) = 0, whatever the model predicts
     likely actions: beta |a|^2 becomes beta |u|^2, u = a / s, s the root mean squares of demonstrated actions
@@ -79,7 +79,7 @@ class ServoMemory:
 
     latent: np.ndarray  # (W, S, T, 3) at which the last actions were chosen, oldest first
     action: np.ndarray  # (W, S, T, K) these actions
-    error: Tensor | None = None  # E, (S, 3, K, T), of the model's slopes; for `RestingServo`
+    error: Tensor | None = None  # E, (S, 3, K, T), of the model's slopes; for `AdaptiveServo`
 
 
 class TactileServo:
@@ -106,11 +106,11 @@ class TactileServo:
         chosen = slice(first, first + count)
         arrays = {name: values.double() for name, values in models.to_arrays().items()}
         models = LatentModels.from_arrays(models.seeds, arrays)
-        way = parameters.inverse if parameters.trained_with_inverse else NO_INVERSE
+        trained_with = parameters.inverse if parameters.trained_with_inverse else NO_INVERSE
         self.seeds, self.units, self.parameters = models.seeds, units, parameters
         self._encoder = models.autoencoders.encoder.part(chosen)
         self._decoder = models.autoencoders.decoder.part(chosen)
-        self._dynamics = models.dynamics(FORWARD_OF[parameters.inverse], way).part(chosen)
+        self._dynamics = models.dynamics(FORWARD_OF[parameters.inverse], trained_with).part(chosen)
         self._time_step = torch.tensor([1.0 / rate_hz], dtype=torch.float64)
         self._actions_per_step = actions_per_step
 
@@ -168,7 +168,7 @@ class TactileServo:
 
 
 @dataclass(frozen=True)
-class Caution:
+class ModelTrust:
     """Degree of trust in the forward model."""
 
     by_likelihood: bool  # scale the penalty by the likelihood of actions; False: as published
@@ -176,7 +176,7 @@ class Caution:
     correction: float  # kappa; 0: the model is never corrected
 
 
-class RestingServo(TactileServo):
+class AdaptiveServo(TactileServo):
     """Controllers that correct their model online; NG takes the best step along the slope's gradient."""
 
     def __init__(
@@ -187,13 +187,13 @@ class RestingServo(TactileServo):
         parameters: ServoParameters,
         rate_hz: float,
         actions_per_step: int,
-        caution: Caution,
+        trust: ModelTrust,
     ) -> None:
         """See the class."""
         super().__init__(models, units, structure, parameters, rate_hz, actions_per_step)
-        self.caution = caution
+        self.trust = trust
         likely = units.likely_action / units.action_scale
-        likely = likely if caution.by_likelihood else np.ones_like(likely)
+        likely = likely if trust.by_likelihood else np.ones_like(likely)
         self._likely = torch.from_numpy(likely)[:, None]  # (K, 1)
 
     def start(self, latent: np.ndarray) -> ServoMemory:
@@ -209,9 +209,9 @@ class RestingServo(TactileServo):
         """As `TactileServo.act`."""
         assert memory.error is not None
         step = self._step(latent, memory)
-        slope = action_slope(self._dynamics, step.latent, self._likely, self.caution.spread)
+        slope = action_slope(self._dynamics, step.latent, self._likely, self.trust.spread)
         slope = slope * self._likely.T[..., None]
-        error = corrected(memory.error, slope, step, self._likely, self.caution.correction)
+        error = corrected(memory.error, slope, step, self._likely, self.trust.correction)
         found = self._towards(as_states(target), step, slope + error)
         return self._done(found * self._likely, latent, replace(memory, error=error))
 

@@ -1,95 +1,61 @@
-"""Files of the project in the working directory: a clone of structlearn, or a lab's own folder.
+"""Files of a project: a folder with tasks, made by `structlearn new`, in which all commands and stages run.
 
-A lab's folder, made by `structlearn new`, has its task entries in `structlearn.yaml` and a `dvc.yaml` that
-runs the stages of the installed package; defaults come from the package. In a clone these files are in
-`stages/tasks`, which is the folder `stages` of this package.
+`structlearn.yaml` has the tasks, `dvc.yaml` the stages of the installed package over them. Stages depend on
+the package through `.structlearn.yaml`, which has a digest per package folder and is written again before DVC
+is called: an update of the package reruns what it touches.
 """
 
-import re
+from importlib.util import find_spec
 from pathlib import Path
-from typing import Any
 
-from structlearn.core.artefacts import publish
-from structlearn.core.errors import InputError
+from structlearn.core.code_digests import LIBRARY, write_code
 from structlearn.core.params import read_values
-from structlearn.core.source_closure import SourceTree
-from structlearn.core.stage import run
 
-PACKAGE = "structlearn.tasks"
-LAB = Path("structlearn.yaml")
-CLONE = Path("stages/tasks")
-PACKAGED = Path(__file__).parent / "stages"
-DEFAULTS, OWN, OF_PUBLIC = "params.yaml", "own.yaml", "public.yaml"
-CODE = "data/code/tasks"
+ENTRIES, PIPELINE = Path("structlearn.yaml"), Path("dvc.yaml")
+STAGES = Path(__file__).with_name("stages")
+DEFAULTS = STAGES / "params.yaml"
 
-# Stages that need the simulated testbeds or a clone's sources
-FOR_CLONES = ("code", "calibrate", "calibration_report", "recorded_report")
+IGNORED = """\
+/data/tasks
+/reports/tasks/*/rerun
+/reports/times.json
+.running-*
+__pycache__
+"""
 
 
-def is_lab() -> bool:
-    """Whether the working directory is a lab's folder."""
-    return LAB.exists()
+def write_project(folder: Path, entries: str, pipeline: str) -> None:
+    """Write the files of a project."""
+    (folder / ENTRIES).write_text(entries, encoding="utf-8")
+    (folder / PIPELINE).write_text(pipeline, encoding="utf-8")
+    (folder / ".gitignore").write_text(IGNORED, encoding="utf-8")
+    update_code(folder)
 
 
 def entries_above(path: Path) -> Path | None:
-    """The user's entries of the project that a path is inside of, if any."""
-    files = (folder / file for folder in path.resolve().parents for file in (LAB, CLONE / OWN))
+    """The entries of the project that a path is inside of, if any."""
+    files = (folder / ENTRIES for folder in path.resolve().parents)
     return next((file for file in files if file.exists()), None)
 
 
-def folder() -> Path:
-    """Folder of the tasks' pipeline. Raises InputError: the working directory is no project."""
-    if not is_lab() and not CLONE.is_dir():
-        raise InputError(f"{LAB}: no such file here; `structlearn new` makes a project")
-    return Path() if is_lab() else CLONE
+def packaged_pipeline() -> str:
+    """The pipeline of a lab's project."""
+    return (STAGES / "pipeline.yaml").read_text(encoding="utf-8")
 
 
-def entry_files(clone: Path | None = None) -> tuple[Path, ...]:
-    """Files with task entries, of this project or of a clone's folder; the last one is the user's."""
-    if clone is None and is_lab():
-        return (LAB,)
-    clone = clone or folder()
-    return clone / OF_PUBLIC, clone / OWN
+def update_code(folder: Path = Path()) -> None:
+    """Write the digests of this package and of those that a project's entries name."""
+    write_code(folder, named_packages(folder))
 
 
-def defaults_file(clone: Path | None = None) -> Path:
-    """File with the defaults of all kinds of data: the package's, or a clone's own."""
-    return (PACKAGED if clone is None and (is_lab() or not CLONE.is_dir()) else clone or CLONE) / DEFAULTS
-
-
-def pipeline() -> str:
-    """Path of the tasks' pipeline, as in DVC's stage addresses."""
-    return (folder() / "dvc.yaml").as_posix()
-
-
-def lab_pipeline() -> dict[str, Any]:
-    """Contents of a lab's `dvc.yaml`: a clone's stages, run from the package.
-
-    As in a clone, a stage depends on its code through the list written by `code`. Kinds without entries are
-    empty.
-    """
-    stages = read_values(PACKAGED / "dvc.yaml")["stages"].items()
-    packaged = {name: _from_package(stage) for name, stage in stages if name not in FOR_CLONES}
-    code = {"cmd": f"python -m {__name__}", "always_changed": True, "outs": [CODE]}
-    kinds: dict[str, Any] = {stage["foreach"].strip("${}"): {} for stage in packaged.values()}
-    return {"vars": [kinds, LAB.as_posix()], "stages": {"code": code} | packaged}
-
-
-def _from_package(stage: dict[str, Any]) -> dict[str, Any]:
-    """Convert a stage over the tasks of a kind, dropping what only a clone has."""
-    body = {key: value for key, value in stage["do"].items() if key != "wdir"}
-    body["cmd"] = re.sub(r"^python stages/tasks/(\w+)\.py", rf"python -m {PACKAGE}.stages.\1", body["cmd"])
-    body["deps"] = [path for path in body["deps"] if not path.startswith(CLONE.as_posix())]
-    if "params" in body:
-        body["params"] = [one for one in body["params"] if isinstance(one, dict)]
-    return {"foreach": stage["foreach"], "do": body}
-
-
-def list_code() -> None:
-    """List the code of each lab stage with digests, so that package updates only rerun what they change."""
-    with publish(CODE) as target:
-        SourceTree(Path(__file__).parents[2]).write(sorted(PACKAGED.glob("*.py")), target)
-
-
-if __name__ == "__main__":
-    run(list_code)
+def named_packages(folder: Path) -> list[Path]:
+    """Folders of this package, and of those whose kinds of data or readers a project's entries name."""
+    names: set[str] = set()
+    kinds = read_values(folder / ENTRIES) if (folder / ENTRIES).exists() else {}
+    for kind, tasks in kinds.items() if isinstance(kinds, dict) else ():
+        entries = tasks.values() if isinstance(tasks, dict) else ()
+        readers = [entry.get("reader") for entry in entries if isinstance(entry, dict)]
+        names |= {str(name).partition(".")[0] for name in (kind, *readers) if "." in str(name)}
+    specs = [find_spec(name) for name in sorted(names)]
+    found = [one.submodule_search_locations for one in specs if one and one.submodule_search_locations]
+    return [LIBRARY, *(Path(folders[0]) for folders in found)]

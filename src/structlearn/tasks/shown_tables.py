@@ -20,7 +20,7 @@ UNITS = {
 }
 
 # Words of column names that are replaced in headings
-WORDS = {"way": "model", "max": "largest", "nmse": "NMSE", "rms": "RMS"}
+WORDS = {"max": "largest", "nmse": "NMSE", "rms": "RMS"}
 
 
 def shown(frame: pd.DataFrame, strong: frozenset[int] = frozenset(), /, **formats: str) -> Table:

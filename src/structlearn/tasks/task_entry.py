@@ -1,9 +1,9 @@
-"""Task entries in the files of `project.entry_files`, merged over the defaults of their kind.
+"""Task entries of a project, merged over the defaults of their kind.
 
-    defaults:            in params.yaml, every constant once
+    defaults:            in the package, every constant once
       movement:
         clock: {rate_hz: 200.0, max_gap_s: 0.2}
-    movement:            in own.yaml, what differs
+    movement:            in structlearn.yaml, what differs
       pick:
         source: ~/demonstrations
         topics: {pose: /end_effector/pose}
@@ -11,105 +11,89 @@
 A part (`PARTS`) that an entry does not name is null, whatever its defaults.
 """
 
-import sys
 from contextlib import suppress
 from pathlib import Path
 from typing import Any, NamedTuple
 
 import yaml
 
-from structlearn.avoidance.scene_reaches import SceneLearningParameters
 from structlearn.core.artefacts import publish
 from structlearn.core.errors import InputError
 from structlearn.core.params import checked, merged, read_values, value_at
 from structlearn.core.reading import digest
-from structlearn.core.stage import run
-from structlearn.readers.source import ClockParameters, SceneTopicMap, SourceParameters
-from structlearn.tasks import project
-from structlearn.tasks.motion.motion_parameters import MotionParameters
-from structlearn.tasks.movement.movement_parameters import MovementEntry
-from structlearn.tasks.obstacles.coupling_representations import RepresentationParameters
+from structlearn.core.used_files import remember_value
+from structlearn.readers.source_parameters import SourceParameters
+from structlearn.tasks.kinds import defaults, part
+from structlearn.tasks.project import ENTRIES, PIPELINE
 from structlearn.tasks.task_files import NAME_RULE, is_name, is_public, local_path
-from structlearn.tasks.touch.touch_parameters import TouchParameters
 
 # Keys that a task only has if its entry names them
-PARTS = ("segment", "rests", "feedback", "corrections", "robot", "representations")
-
-
-class ObstacleEntry(SourceParameters, SceneLearningParameters):
-    """Reaches past obstacles."""
-
-    kind = "obstacles"
-
-    topics: SceneTopicMap | None
-    clock: ClockParameters | None
-    representations: RepresentationParameters | None
-
-
-# Kinds of data, which group entries
-KINDS: dict[str, type[SourceParameters]] = {
-    entry.kind: entry for entry in (MovementEntry, MotionParameters, TouchParameters, ObstacleEntry)
-}
+PARTS = ("segment", "rests", "feedback", "corrections", "robot")
 
 
 class Entry(NamedTuple):
     """An entry as written in a file."""
 
-    file: Path
     kind: str
     values: Any
 
 
-def read_entries(clone: Path | None = None) -> dict[str, Entry]:
-    """All entries by name, of this project or of a clone's folder.
+def read_entries(file: Path = ENTRIES) -> dict[str, Entry]:
+    """All entries by name.
 
-    Raises InputError: a file is not readable or has an unknown kind, or a name is invalid or repeated.
+    Raises InputError: the file is not readable or has an unknown kind, or a name is invalid or repeated.
     """
+    if not file.exists():
+        raise InputError(f"{file}: no such file here; `structlearn new` makes a project")
     found: dict[str, Entry] = {}
-    for file in project.entry_files(clone):
-        values = read_values(file, whole=False) or {}
-        if not isinstance(values, dict):
-            raise InputError(f"{file}: is no mapping of kinds of data to tasks")
-        for kind, tasks in values.items():
-            if kind not in KINDS:
-                raise InputError(f"{file}: {kind}: there is no such kind among {', '.join(KINDS)}")
-            if not isinstance(tasks, dict):
-                raise InputError(f"{file}: {kind}: is no mapping of names to tasks; without any write {{}}")
-            for name, entry in tasks.items():
-                if not is_name(name):
-                    raise InputError(f"{file}: {kind}: {name!r}: {NAME_RULE}")
-                if name in found:
-                    taken = f"{found[name].file}, {found[name].kind}"
-                    raise InputError(f"{file}: {kind}.{name}: the name is taken: {taken}")
-                found[name] = Entry(file, kind, entry)
+    values = read_values(file, whole=False) or {}
+    if not isinstance(values, dict):
+        raise InputError(f"{file}: is no mapping of kinds of data to tasks")
+    for kind, tasks in values.items():
+        model(file, kind)
+        if not isinstance(tasks, dict):
+            raise InputError(f"{file}: {kind}: is no mapping of names to tasks; without any write {{}}")
+        for name, entry in tasks.items():
+            if not is_name(name):
+                raise InputError(f"{file}: {kind}: {name!r}: {NAME_RULE}")
+            if name in found:
+                raise InputError(f"{file}: {kind}.{name}: the name is taken: {found[name].kind}")
+            found[name] = Entry(kind, entry)
     return found
 
 
-def read_task(name: str, clone: Path | None = None) -> Any:
+def model(file: Path, kind: Any) -> type[SourceParameters]:
+    """Model of the entries of a kind. Raises InputError: there is no such kind."""
+    try:
+        return part(str(kind), "parameters").Entry
+    except InputError as error:
+        raise InputError(f"{file}: {error}") from error
+
+
+def read_task(name: str, file: Path = ENTRIES) -> Any:
     """Parameters of one task, as the model of its kind.
 
     Raises InputError: as `read_entries`; or there is no such task, or a value is missing, unknown or out of
     range; the message names file and key.
     """
-    entries = read_entries(clone)
+    entries = read_entries(file)
     if name not in entries:
-        own = project.entry_files(clone)[-1]
-        there = [one for one, entry in entries.items() if entry.file == own]
-        raise InputError(f"{own}: {name}: there is no such task among {', '.join(there) or 'none'}")
-    file, kind, _ = entries[name]
-    entry = value_at(file, f"{kind}.{name}")
+        raise InputError(f"{file}: {name}: there is no such task among {', '.join(entries) or 'none'}")
+    kind, entry = entries[name]
+    remember_value(
+        file, f"{kind}.{name}", entry, lambda: read_entries(file).get(name, Entry("", None)).values
+    )
     if not isinstance(entry, dict):
         raise InputError(f"{file}: {kind}.{name}: is no mapping of parameters")
-    values = merged(value_at(project.defaults_file(clone), f"defaults.{kind}") or {}, entry)
+    values = merged(defaults(kind), entry)
     values |= {part: None for part in PARTS if part in values and entry.get(part) is None}
-    return checked(values, KINDS[kind], file, f"{kind}.{name}")
+    return checked(values, model(file, kind), file, f"{kind}.{name}")
 
 
 def read_checked(path: Path) -> SourceParameters:
     """Read parameters published by `write_task`."""
-    if (kind := value_at(path, "kind")) not in KINDS:
-        raise InputError(f"{path}: kind: there is no such kind among {', '.join(KINDS)}")
-    return checked(value_at(path, "entry"), KINDS[kind], path, "entry")
+    entry = model(path, value_at(path, "kind"))
+    return checked(value_at(path, "entry"), entry, path, "entry")
 
 
 def source_digests(task: SourceParameters) -> dict[str, dict[str, str]]:
@@ -143,7 +127,7 @@ def file_digests(source: str, meshes: bool = False) -> dict[str, str]:
     if is_public(source) and not path.exists():
         return {}
     if path.suffix == ".urdf" or meshes:
-        from structlearn.simulation.arm import urdf_path
+        from structlearn.rigid_body.urdf import urdf_path
 
         path = urdf_path(str(path))
     if not path.exists():
@@ -161,25 +145,16 @@ def file_digests(source: str, meshes: bool = False) -> dict[str, str]:
     return {name: digest(file) for name, file in found.items()}
 
 
-def targets(which: str, name: str = "") -> list[str]:
-    """Stages of one task or of all of a file, as DVC targets in their order; entries are checked first.
+def targets(name: str = "") -> list[str]:
+    """Stages of one task or of all, as DVC targets in their order; entries are checked first.
 
-    Raises InputError: an entry is not valid, or there is no public set.
+    Raises InputError: an entry is not valid.
     """
-    entries = {key: one for key, one in read_entries().items() if one.file.name == which}
-    sources = [local_path(str(one.values.get("source"))) for one in entries.values()]
-    if which == project.OF_PUBLIC and not any(source.exists() for source in sources):
-        folder = local_path("$DATA")
-        raise InputError(f"{folder}: holds no public set; name their folder: make recorded DATA=FOLDER")
-    kinds = {one: read_task(one).kind for one in ([name] if name else entries)}
-    stages = read_values(project.pipeline())["stages"].items()
+    kinds = {one: read_task(one).kind for one in ([name] if name else read_entries())}
+    stages = read_values(PIPELINE)["stages"].items()
     return [
-        f"{project.pipeline()}:{stage}@{one}"
+        f"{stage}@{one}"
         for one, kind in kinds.items()
         for stage, its in stages
-        if its.get("foreach") == f"${{{kind}}}"
+        if (over := its.get("foreach")) == f"${{{kind}}}" or (isinstance(over, list) and one in over)
     ]
-
-
-if __name__ == "__main__":  # run before DVC, whose errors would not say what is wrong with an entry
-    run(lambda: print("\n".join(targets(*sys.argv[1:]))))

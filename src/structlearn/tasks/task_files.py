@@ -55,8 +55,13 @@ class TaskFiles:
 
     @property
     def kind(self) -> str:
-        """Kind of data, a key of `task_entry.KINDS`."""
+        """Kind of data, see `kinds`."""
         return value_at(self.parameters, "kind")
+
+    @property
+    def learned(self) -> Path:
+        """What was learned, for kinds with a single stage for it, named by the kind."""
+        return self.folder / self.kind.rpartition(".")[2]
 
     def entry(self, model: type[ParametersType], key: str = "") -> ParametersType:
         """Parameters of the task, or of one of its parts."""
@@ -129,13 +134,13 @@ def is_public(path: str) -> bool:
 
 
 def run_for_task(main: Callable[[TaskFiles], None], out: str = "") -> None:
-    """Run a stage for the task named by the command line, or else by DVC: `tasks/dvc.yaml:segment@pick`.
+    """Run a stage for the task named by the command line, or else by DVC: `segment@pick`.
 
     `out`: name of the folder that it writes; if the task is absent, only the reason is written there.
     """
 
     def of_task() -> None:
-        by_dvc = os.environ.get(RUN_BY_DVC, "").rpartition("dvc.yaml:")[2].partition("@")[2]
+        by_dvc = os.environ.get(RUN_BY_DVC, "").partition("@")[2]
         files = TaskFiles(sys.argv[1] if sys.argv[1:] else by_dvc)
         if out and files.absent:
             with publish(files.folder / out) as folder:

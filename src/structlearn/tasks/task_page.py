@@ -1,56 +1,49 @@
-"""Page of a task: one section for each of its parts, and the claims about a public set."""
+"""Page of a task: the sections of its kind of data."""
 
-from collections.abc import Callable, Mapping, Sequence
-from dataclasses import replace
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, replace
 from pathlib import Path
+from types import ModuleType
 from typing import Any
 
-from structlearn.core.params import read_values
-from structlearn.reporting.claims import Judged, judge, read_claims, unknown
 from structlearn.reporting.document import Document, Source, Table, environment
 from structlearn.reporting.figure_style import Drawing
 from structlearn.reporting.findings import Findings
 from structlearn.reporting.publishing import publish_report
-from structlearn.tasks.motion import motion_section
-from structlearn.tasks.movement import check_section, corrections_section, cuts_section, primitives_section
-from structlearn.tasks.obstacles import representations_section, scene_section
-from structlearn.tasks.project import CLONE, PACKAGE, entry_files, is_lab, pipeline
+from structlearn.tasks.kinds import part
+from structlearn.tasks.project import ENTRIES
 from structlearn.tasks.section import Section
 from structlearn.tasks.task_entry import read_checked
-from structlearn.tasks.task_files import TaskFiles, is_public
-from structlearn.tasks.touch import skin_section, surface_section, transfer_section
+from structlearn.tasks.task_files import TaskFiles
 
-SECTIONS: dict[str, tuple[Callable[[TaskFiles], Section | None], ...]] = {
-    "movement": (
-        cuts_section.recordings_section,
-        cuts_section.cuts_section,
-        cuts_section.rests_section,
-        primitives_section.primitives_section,
-        primitives_section.turns_section,
-        primitives_section.execution_section,
-        primitives_section.traces_section,
-        corrections_section.phase_section,
-        corrections_section.feedback_section,
-        check_section.skill_section,
-        check_section.check_section,
-    ),
-    "motion": (motion_section.section,),
-    "touch": (skin_section.section, surface_section.section, transfer_section.section),
-    "obstacles": (scene_section.section, representations_section.section),
-}
+# Stage that writes each folder of a task's data; besides, the learning stage has the name of its folder
+STAGES = {"segments": "segment"} | {name: name for name in ("primitives", "feedback", "skill", "check")}
 
-NAMED = ("primitives", "feedback", "skill", "check", "motion", "touch", "obstacles")
-STAGES = {"recorded": "import_movement", "segments": "segment"} | {name: name for name in NAMED}
-"""Stage that writes each folder of a task's data."""
+
+@dataclass(frozen=True)
+class TaskPage:
+    """A task's page with what it shows."""
+
+    document: Document
+    pictures: Mapping[str, Drawing | Sequence[Drawing]]  # figures by name
+    find: Findings  # every number that the sections state
 
 
 def publish_page(files: TaskFiles) -> None:
-    """Publish a task's page with its figures, tables, claims and findings."""
+    """Publish a task's page with its figures, tables and findings."""
+    page = task_page(files)
+    tables = page.document.tables
+    publish_report(files.report, {"index": page.document}, page.pictures, tables, page.find)
+
+
+def task_page(files: TaskFiles) -> TaskPage:
+    """Page of a task."""
     kind, task, absent = files.kind, read_checked(files.parameters), files.absent
-    sections = [] if absent else [one for make in SECTIONS[kind] if (one := _made(make, files)) is not None]
-    of_task = f"{pipeline()}:{{}}@{files.name}"
+    short = kind.rpartition(".")[2]
+    sections = [] if absent else list(_in_place(part(kind, "page"), files))
+    stages = STAGES | {"recorded": f"import_{short}", short: short}
     sources = {
-        name: Source(f"{files.folder}/{name}", of_task.format(stage)) for name, stage in STAGES.items()
+        name: Source(f"{files.folder}/{name}", f"{stage}@{files.name}") for name, stage in stages.items()
     }
     sources |= dict.fromkeys(("recordings", "demonstrations"), sources["recorded"])
     find = Findings()
@@ -61,18 +54,15 @@ def publish_page(files: TaskFiles) -> None:
         tables |= section.tables
         pictures |= section.pictures
         sources |= section.sources
-    public = is_public(task.source)
-    again = command(files.name, public)
+    again = f"structlearn run {files.name}"
     facts: dict[str, Any] = {section.name: section.facts for section in sections}
     facts |= find.numbers() | {
         "find": find,
         "task": files.name,
         "title": task.title or files.name,
-        "stage": "segment" if kind == "movement" else kind,
-        "file": entry_files()[0 if public else -1].as_posix(),
-        "public": public,
-        "lab": is_lab(),
-        "pipeline": pipeline(),
+        "stage": "segment" if kind == "movement" else short,
+        "file": ENTRIES.name,
+        "inside": "",  # folder of the project, where pages are moved out of it
         "again": again,
         "absent": absent,
         "left_out": files.left_out().to_dict("records"),
@@ -82,52 +72,28 @@ def publish_page(files: TaskFiles) -> None:
         simulated = any(one.simulated for one in files.runs("demonstrations"))
     else:
         simulated = any(one.facts.get("origin", {}).get("origin") == "simulated" for one in sections)
-    page = Document(
+    document = Document(
         template="task.html.jinja",
-        package=PACKAGE,
-        stage=of_task.format(f"report_{kind}"),
+        package=__package__,
+        stage=f"report_{short}@{files.name}",
         facts=facts,
         tables=tables,
-        judged=judged(files.name, find, facts),
         sources=sources,
-        parameters={f"{kind}.{files.name}": task},
+        parameters={f"{short}.{files.name}": task},
         recordings="rerun",
-        root="../..",
         command=again,
         simulated=simulated,
     )
-    publish_report(files.report, {"index": page}, pictures, tables, find)
+    return TaskPage(document, pictures, find)
 
 
-def command(name: str, public: bool) -> str:
-    """Command that reproduces a task's results."""
-    if public:
-        return "make recorded DATA=FOLDER"
-    return f"structlearn run {name}" if is_lab() else f"make own TASK={name}"
-
-
-def _made(make: Callable[[TaskFiles], Section | None], files: TaskFiles) -> Section | None:
-    """Make a section, with template paths relative to the tasks package; None if the task lacks it."""
-    section = make(files)
-    if section is None:
-        return None
-    folder = Path(make.__module__.removeprefix(f"{PACKAGE}.").replace(".", "/")).parent
-    template, lead = section.template, section.lead
-    if not template:
-        template, lead = f"{section.name}.html.jinja", f"{section.name}_lead.html.jinja"
-        lead = lead if (Path(__file__).parent / folder / lead).exists() else ""
-    lead = (folder / lead).as_posix() if lead else ""
-    return replace(section, template=(folder / template).as_posix(), lead=lead)
-
-
-def judged(name: str, find: Findings, facts: Mapping[str, object]) -> list[Judged]:
-    """Judge the claims in `claims/NAME.yaml` beside a task's entry; not tested if there are no data."""
-    path = CLONE / "claims" / f"{name}.yaml"
-    if not path.exists():
-        return []
-    claims = read_claims(path)
-    without = unknown("nothing recorded decides it" if find else "not recorded here")
-    found = {one.evidence: find.get(one.evidence) or without for one in claims}
-    published = path.with_name("published.yaml")
-    facts = {"published": read_values(published) if published.exists() else {}} | dict(facts)
-    return judge(claims, found, environment(PACKAGE), facts)
+def _in_place(page: ModuleType, files: TaskFiles) -> Iterator[Section]:
+    """Sections of a kind's page, with the templates that are beside it."""
+    templates = environment(str(page.__package__))
+    for section in page.sections(files):
+        name, lead = section.template or f"{section.name}.html.jinja", section.lead
+        if not section.template:
+            lead = f"{section.name}_lead.html.jinja"
+            lead = lead if (Path(str(page.__file__)).parent / lead).exists() else ""
+        its = templates.get_template(str(name))
+        yield replace(section, template=its, lead=templates.get_template(str(lead)) if lead else "")

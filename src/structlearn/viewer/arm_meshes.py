@@ -10,20 +10,14 @@ import rerun as rr
 import rerun.blueprint as rrb
 from rerun.urdf import UrdfTree
 
-from structlearn.palette import AXIS_COLOURS
-from structlearn.viewer.rrd import entity, plot, rgba, scene_view, send_series, time_column
+from structlearn.viewer.rrd import Recording, Times, dots, entity, lines, notes_view, plot, scene_view
 
 PACKAGE = "package://"  # prefix of mesh paths in ROS URDFs, resolved relative to the URDF
 STICK_M = 0.025  # radius of a stick
 
 
 def send_arm(
-    stream: rr.RecordingStream,
-    name: str,
-    urdf: str | Path,
-    joints: Sequence[str],
-    times: rr.TimeColumn,
-    positions: np.ndarray,
+    to: Recording, name: str, urdf: str | Path, joints: Sequence[str], times: Times, positions: np.ndarray
 ) -> None:
     """Log an arm's meshes, and joint positions (T, n) rad or m over time; other joints stay at zero.
 
@@ -31,16 +25,16 @@ def send_arm(
     """
     arm = _read(Path(urdf), name)
     shapes = f"/{name}/{arm.name}/visual_geometries/**"
-    stream.send_chunks(arm.stream(include_joint_transforms=False).filter(content=shapes))
-    _send_joints(stream, name, arm, joints, times, positions)
+    to.send_chunks(arm.stream(include_joint_transforms=False).filter(content=shapes))
+    _send_joints(to, name, arm, joints, times, positions)
 
 
 def send_sticks(
-    stream: rr.RecordingStream,
+    to: Recording,
     name: str,
     urdf: str | Path,
     joints: Sequence[str],
-    times: rr.TimeColumn,
+    times: Times,
     positions: np.ndarray,
     colours: tuple[str, str],
 ) -> float:
@@ -54,11 +48,9 @@ def send_sticks(
         ends = np.array([[0.0, 0.0, 0.0], joint.origin_xyz])
         length += float(np.linalg.norm(joint.origin_xyz))
         frame = rr.CoordinateFrame(link_frame(name, joint.parent_link))
-        stick = rr.LineStrips3D([ends], colors=rgba(colours[:1]), radii=STICK_M)
-        ball = rr.Points3D(ends[1:], colors=rgba(colours[1:]), radii=1.6 * STICK_M)
-        for kind, shape in (("sticks", stick), ("balls", ball)):
-            stream.log(entity(name, kind, joint.name), frame, shape, static=True)
-    _send_joints(stream, name, arm, joints, times, positions)
+        to.still(entity(name, "sticks", joint.name), frame, lines([ends], colours[0], STICK_M))
+        to.still(entity(name, "balls", joint.name), frame, dots(ends[1:], colours[1], 1.6 * STICK_M))
+    _send_joints(to, name, arm, joints, times, positions)
     return length
 
 
@@ -68,24 +60,19 @@ def link_frame(name: str, link: str) -> str:
 
 
 def _send_joints(
-    stream: rr.RecordingStream,
-    name: str,
-    arm: UrdfTree,
-    joints: Sequence[str],
-    times: rr.TimeColumn,
-    positions: np.ndarray,
+    to: Recording, name: str, arm: UrdfTree, joints: Sequence[str], times: Times, positions: np.ndarray
 ) -> None:
     # entities without a frame of their own are below the root, so the arm's base is placed there
     base = rr.Transform3D(parent_frame="tf#/", child_frame=f"{arm.frame_prefix}{arm.root_link().name}")
-    stream.log(entity(name, "frames", "base"), base, static=True)
+    to.still(entity(name, "frames", "base"), base)
     columns = {joint: positions[:, number].tolist() for number, joint in enumerate(joints)}
     for joint in arm.joints():
         path = entity(name, "frames", joint.name)
         if joint.name in columns:
             turned = joint.compute_transform_columns(columns[joint.name], clamp=False)
-            stream.send_columns(path, [times], turned)
+            to.over(path, times, turned)
         else:
-            stream.log(path, joint.compute_transform(0.0, clamp=False), static=True)
+            to.still(path, joint.compute_transform(0.0, clamp=False))
 
 
 def arm_contents(name: str) -> str:
@@ -113,7 +100,7 @@ def _read(urdf: Path, name: str) -> UrdfTree:
 
 
 def send_followed(
-    stream: rr.RecordingStream,
+    to: Recording,
     learned: pd.DataFrame,
     time: np.ndarray,
     carried_kg: np.ndarray,
@@ -124,22 +111,22 @@ def send_followed(
     `carried_kg` (T,) at `time` (T,) s; `colours`: of the truth, the learned model and the empty arm's model.
     """
     reference, found, empty = colours
-    times = [time_column(learned["time_s"].to_numpy(float))]
-    path = entity("mass", "carried")
-    send_series(stream, path, [time_column(time)], carried_kg[:, None], ["carried"], [reference], width=3.0)
-    mass = learned["mass_kg"].to_numpy(float)[:, None]
-    send_series(stream, entity("mass", "learned"), times, mass, ["learned"], [found])
+    times = learned["time_s"].to_numpy(float)
+    to.series("mass/carried", time, carried_kg, "carried", reference, width=3.0)
+    to.series("mass/learned", times, learned["mass_kg"].to_numpy(float), "learned", found)
     moments = learned[[f"moment_{axis}_kg_m" for axis in "xyz"]].to_numpy(float)
-    send_series(stream, "moment", times, moments, ["x", "y", "z"], AXIS_COLOURS)
+    to.series("moment", times, moments, "xyz")
     for name, label, colour in (("fixed", "empty arm", empty), ("learned", "learned online", found)):
-        error = np.log10(learned[f"nmse_{name}"].to_numpy(float))[:, None]
-        send_series(stream, entity("error", name), times, error, [label], [colour])
+        error = np.log10(learned[f"nmse_{name}"].to_numpy(float))
+        to.series(entity("error", name), times, error, label, colour)
 
 
-def followed_plots() -> Sequence[rrb.TimeSeriesView]:
-    """Plots of what `send_followed` logs."""
-    return (
+def followed_view(arm: rrb.Spatial3DView) -> rrb.Container:
+    """An arm beside the plots of what `send_followed` logs, and notes."""
+    plots = (
         plot("mass in the hand (kg)", ["/mass/**"], legend=False),
         plot("first moment of the mass (kg m)", ["/moment"], legend=False),
         plot("log10 of the NMSE of each batch before it is learned", ["/error/**"], legend=False),
     )
+    right = rrb.Vertical(*plots, notes_view(), row_shares=[3, 3, 3, 4])
+    return rrb.Horizontal(arm, right, column_shares=[3, 3])

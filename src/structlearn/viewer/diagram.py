@@ -8,7 +8,7 @@ import rerun as rr
 import rerun.blueprint as rrb
 
 from structlearn.palette import GREY
-from structlearn.viewer.rrd import flat_view, rgba
+from structlearn.viewer.rrd import Recording, flat_view, rgba
 
 GRID = "#262b31"  # just visible on the viewer's dark background
 LEFT, RIGHT, ABOVE, BELOW = 2.6, 1.0, 1.6, 2.2  # room around the axes for their numbers and names
@@ -48,11 +48,7 @@ def tick_step(low: float, high: float) -> float:
 
 
 def send_axes(
-    stream: rr.RecordingStream,
-    path: str,
-    diagram: Diagram,
-    x_name: str,
-    x_ticks: Sequence[float] | None = None,
+    to: Recording, path: str, diagram: Diagram, x_name: str, x_ticks: Sequence[float] | None = None
 ) -> None:
     """Log a diagram's grid with its numbers; the name of y belongs in the view's heading."""
     (left, right), (bottom, top) = diagram.x_range, diagram.y_range
@@ -61,14 +57,13 @@ def send_axes(
     upright = diagram.points(xs[:, None], np.array([bottom, top]))  # (X, 2, 2)
     level = diagram.points(np.array([left, right]), ys[:, None])  # (Y, 2, 2)
     zero = np.isclose(ys, 0.0, atol=1e-9 * (top - bottom))
-    colours = rgba([GRID] * len(xs) + [GREY if at_zero else GRID for at_zero in zero])
-    grid = rr.LineStrips2D(np.concatenate([upright, level]), colors=colours, radii=-0.6, draw_order=-9.0)
-    stream.log(path, grid, static=True)
+    colours = [GRID] * len(xs) + [GREY if at_zero else GRID for at_zero in zero]
+    to.lines(path, np.concatenate([upright, level]), colours, -0.6, draw_order=-9.0)
     below = diagram.points(xs, bottom) + np.array([0.0, 0.1])
     beside = diagram.points(left, ys) - np.array([0.45 * LEFT, 0.5])  # labels hang below their points
     name = diagram.points(0.5 * (left + right), bottom) + np.array([0.0, 0.5 * BELOW])
     labels = [*(f"{value:g}" for value in [*xs, *ys]), x_name]
-    stream.log(f"{path}/numbers", texts([*below, *beside, name], labels, [GREY]), static=True)
+    to.still(f"{path}/numbers", texts([*below, *beside, name], labels, [GREY]))
 
 
 def texts(

@@ -17,7 +17,7 @@ from structlearn.primitives.twist_swing import TwistSwingPrimitive
 from structlearn.readers.demonstration import Demonstration
 from structlearn.viewer import rrd
 from structlearn.viewer.recorded_demonstrations import Scenery
-from structlearn.viewer.rrd import entity, plot
+from structlearn.viewer.rrd import Recording, entity, plot
 
 PHASE = "phase"  # time line of elapsed phase, on which paths of different durations are synchronous
 PHASE_STEPS = 1000  # steps of that time line per primitive, since rerun's sequence time lines are integers
@@ -51,7 +51,7 @@ class _Path:
     def indexes(self, at: np.ndarray | slice = ALL) -> list[rr.TimeColumn]:
         """Both time lines at selected samples."""
         spent = np.round(PHASE_STEPS * (self.place + 1.0 - self.phase[0])).astype(int)
-        return [rrd.time_column(self.time[at]), rr.TimeColumn(PHASE, sequence=spent[at])]
+        return [*rrd.time_columns(self.time[at]), rr.TimeColumn(PHASE, sequence=spent[at])]
 
 
 def write_primitives(
@@ -73,26 +73,27 @@ def write_primitives(
     places = [one.position for one in demonstrations] + [one.position for one in unrolled.values()]
     points = np.concatenate(places)
     length = rrd.axis_length(points)
-    with rrd.recording(path, title) as stream:
-        around = [] if scenery is None else scenery(stream)
+    with rrd.recording(path, title) as to:
+        around = [] if scenery is None else scenery(to)
         heading = f"{title}{rrd.origin_label(demonstrations)}"
-        stream.send_blueprint(_blueprint(points, unrolled, heading, len(primitives), around))
+        to.show(_blueprint(points, unrolled, heading, len(primitives), around), steps_per_s=PHASE_STEPS / 3)
         origin = rrd.origin_sentence(demonstrations, "The demonstrations are")
-        rrd.send_notes(stream, f"{note}\n\n{origin}")
+        to.notes(f"{note}\n\n{origin}")
         for demonstration in demonstrations[:: len(demonstrations) // (CONTEXT + 1) + 1]:
             line = demonstration.position[:: rrd.thinning(demonstration.dt)]
-            grey = rr.LineStrips3D([line], colors=rrd.rgba([GREY], CONTEXT_OPACITY), radii=-0.4)
-            stream.log(entity("demonstrations", demonstration.name), grey, static=True)
+            to.lines(
+                entity("demonstrations", demonstration.name), [line], GREY, -0.4, opacity=CONTEXT_OPACITY
+            )
         for primitive in primitives:
-            _send_frame(stream, primitive, length)
+            _send_frame(to, primitive, length)
         names = [primitive.name for primitive in primitives]
         for number, (name, one) in enumerate(unrolled.items()):
             colour = colours[name] if colours else PATH_COLOURS[number % len(PATH_COLOURS)]
             strips = [colour if colours else primitive_colour(place) for place in range(len(primitives))]
-            _send_path(stream, name, one, colour, strips, length)
-            rrd.send_primitive_lane(stream, entity("primitive", name), one.indexes(one.switches), names)
-            _send_rates(stream, name, one, colour)
-        _send_forcing(stream, next(iter(unrolled.values())), primitives)
+            _send_path(to, name, one, colour, strips, length)
+            to.lane(entity("primitive", name), one.indexes(one.switches), names)
+            _send_rates(to, name, one, colour)
+        _send_forcing(to, next(iter(unrolled.values())), primitives)
 
 
 def _path(table: pd.DataFrame, primitives: Sequence[PosePrimitive]) -> _Path:
@@ -123,46 +124,42 @@ def _path(table: pd.DataFrame, primitives: Sequence[PosePrimitive]) -> _Path:
     )
 
 
-def _send_frame(stream: rr.RecordingStream, primitive: PosePrimitive, length: float) -> None:
+def _send_frame(to: Recording, primitive: PosePrimitive, length: float) -> None:
     """Log a primitive's local frame at the mean start, and its mean goal."""
     point = primitive.position
     axes = local_frame(point.start, point.goal, point.frame)
     path = entity("frames", primitive.name)
-    stream.log(path, rr.Transform3D(translation=point.start, mat3x3=axes), static=True)
-    stream.log(path, rr.TransformAxes3D(2.0 * length), static=True)
-    name, white = f"goal of {primitive.name}", rrd.rgba([WHITE])  # the label is shown on hover
-    goal = rr.Points3D([point.goal], colors=white, radii=-5.0, labels=name, show_labels=False)
-    stream.log(entity("goals", primitive.name), goal, static=True)
+    to.still(path, rr.Transform3D(translation=point.start, mat3x3=axes))
+    to.still(path, rr.TransformAxes3D(2.0 * length))
+    name, white = f"goal of {primitive.name}", rrd.rgba(WHITE)  # the label is shown on hover
+    to.dots(entity("goals", primitive.name), [point.goal], white, -5.0, labels=name, show_labels=False)
 
 
 def _send_path(
-    stream: rr.RecordingStream, name: str, path: _Path, colour: str, strips: Sequence[str], length: float
+    to: Recording, name: str, path: _Path, colour: str, strips: Sequence[str], length: float
 ) -> None:
     """Log the path in the colours of `strips`, its switches, its name at half-way, and a moving frame."""
     ends = zip(path.switches[:-1], path.switches[1:], strict=True)
     parts = [path.position[first : last + 1] for first, last in ends]
-    line = rr.LineStrips3D(parts, colors=rrd.rgba(strips), radii=-2.5)
-    switches = rr.Points3D(path.position[path.switches], colors=rrd.rgba([colour]), radii=-4.0)
     middle = path.position[[len(path.position) // 2]]  # paths often share their ends
-    label = rr.Points3D(middle, colors=rrd.rgba([colour]), radii=-1.0, labels=[name], show_labels=True)
-    for place, shape in {("paths",): line, ("switches",): switches, ("switches", "label"): label}.items():
-        stream.log(entity(place[0], name, *place[1:]), shape, static=True)
-    hand = entity("hands", name)
-    rrd.send_moving_frame(stream, hand, path.indexes(), path.position, path.orientation, colour, length)
+    to.lines(entity("paths", name), parts, strips, -2.5)
+    to.dots(entity("switches", name), path.position[path.switches], colour, -4.0)
+    to.dots(entity("switches", name, "label"), middle, colour, -1.0, labels=[name])
+    to.moving_frame(entity("hands", name), path.indexes(), path.position, colour, path.orientation, length)
 
 
-def _send_rates(stream: rr.RecordingStream, name: str, path: _Path, colour: str) -> None:
+def _send_rates(to: Recording, name: str, path: _Path, colour: str) -> None:
     """Log phase, speeds and accelerations, with marks at the switches, where none should jump."""
     for symbol, values in zip("pu", path.phase, strict=True):
         curve = entity("phase", name, symbol)
-        rrd.send_series(stream, curve, path.indexes(), values[:, None], [f"{symbol}, {name}"], [colour])
+        to.series(curve, path.indexes(), values, f"{symbol}, {name}", colour)
     for plotted, values in path.rates.items():
-        rrd.send_series(stream, entity(plotted, name), path.indexes(), values[:, None], [name], [colour])
+        to.series(entity(plotted, name), path.indexes(), values, name, colour)
         marks, at = entity(plotted, name, "switches"), path.switches
-        rrd.send_marks(stream, marks, path.indexes(at), values[at], "switches", WHITE)
+        to.marks(marks, path.indexes(at), values[at], "switches", WHITE)
 
 
-def _send_forcing(stream: rr.RecordingStream, path: _Path, primitives: Sequence[PosePrimitive]) -> None:
+def _send_forcing(to: Recording, path: _Path, primitives: Sequence[PosePrimitive]) -> None:
     """Log forcing terms over the path's time, for the demonstrations' mean start and goal."""
     position, orientation, charts = [], [], set()
     for place, (primitive, duration) in enumerate(zip(primitives, path.durations, strict=True)):
@@ -174,16 +171,16 @@ def _send_forcing(stream: rr.RecordingStream, path: _Path, primitives: Sequence[
             orientation.append(turn.chart.forcing(times, turn.chart.start, turn.chart.goal, duration))
         elif turn is not None:
             orientation.append(turn.forcing(times, duration))
-    rrd.send_series(stream, entity("forcing", "position"), path.indexes(), np.concatenate(position), "xyz")
+    to.series(entity("forcing", "position"), path.indexes(), np.concatenate(position), "xyz")
     if orientation:
         names = ("twist", "swing 1", "swing 2") if charts == {True} else "xyz"
         forcing = np.concatenate(orientation)
-        rrd.send_series(stream, entity("forcing", "orientation"), path.indexes(), forcing, names)
+        to.series(entity("forcing", "orientation"), path.indexes(), forcing, names)
 
 
 def _blueprint(
     points: np.ndarray, paths: Mapping[str, _Path], heading: str, primitives: int, around: Sequence[str]
-) -> rrb.Blueprint:
+) -> rrb.Container:
     kinds = ("demonstrations", "paths", "switches", "goals", "frames", "hands")
     scene = rrd.scene_view(heading, [*(f"/{kind}/**" for kind in kinds), *around], points)
     first, path = next(iter(paths.items()))
@@ -197,4 +194,4 @@ def _blueprint(
     running = [rrd.lanes(["/primitive/**"])] if primitives > 1 else []
     left = rrb.Vertical(scene, *running, rrd.notes_view(), row_shares=[4, *(1 for _ in running), 1])
     content = rrb.Horizontal(left, rrb.Grid(*plots, grid_columns=2), column_shares=[2, 3])
-    return rrd.layout(content, steps_per_s=PHASE_STEPS / 3)
+    return content

@@ -13,13 +13,13 @@ from structlearn.palette import AXIS_COLOURS, WHITE, primitive_colour
 from structlearn.readers.demonstration import Demonstration
 from structlearn.segmentation.segments import Segmentation
 from structlearn.viewer import rrd
-from structlearn.viewer.rrd import entity, plot
+from structlearn.viewer.rrd import Recording, entity, plot
 
 AXES = "xyz"
 DETAILED = 12  # number of demonstrations with a tab each
 ELECTRODES_PER_FINGER = 19  # of a BioTac; other numbers of channels share one plot
 
-Scenery = Callable[[rr.RecordingStream], Sequence[str]]
+Scenery = Callable[[Recording], Sequence[str]]
 """Logs the scene around the movements, and returns query expressions for its entities."""
 
 
@@ -39,18 +39,18 @@ def write_demonstrations(
     """
     colours = colours or [primitive_colour(place) for place in range(len(demonstrations))]
     points = np.concatenate([demonstration.position for demonstration in demonstrations])
-    with rrd.recording(path, title) as stream:
-        around = [] if scenery is None else scenery(stream)
-        stream.send_blueprint(_blueprint(demonstrations, segmentation, title, around))
-        rrd.send_notes(stream, f"{note}\n\n{rrd.origin_sentence(demonstrations)}")
+    with rrd.recording(path, title) as to:
+        around = [] if scenery is None else scenery(to)
+        to.show(_blueprint(demonstrations, segmentation, title, around))
+        to.notes(f"{note}\n\n{rrd.origin_sentence(demonstrations)}")
         for demonstration, colour in zip(demonstrations, colours, strict=True):
             parts = _parts(demonstration, segmentation, colour)
-            _send_path(stream, demonstration, parts)
-            _send_positions(stream, demonstration, parts)
-            _send_signals(stream, demonstration, rrd.axis_length(points))
+            _send_path(to, demonstration, parts)
+            _send_positions(to, demonstration, parts)
+            _send_signals(to, demonstration, rrd.axis_length(points))
             if segmentation is not None and len(cuts := _cuts(demonstration, segmentation)):
                 lane, times = entity("primitive", demonstration.name), np.append(cuts[:, 0], cuts[-1, 1])
-                rrd.send_primitive_lane(stream, lane, [rrd.time_column(times)], segmentation.primitives)
+                to.lane(lane, times, segmentation.primitives)
 
 
 Part = tuple[int, int, str]  # first and last sample of a stretch of a demonstration, and its colour
@@ -77,45 +77,37 @@ def _cuts(demonstration: Demonstration, segmentation: Segmentation) -> np.ndarra
     return np.array(found, dtype=float).reshape(-1, 2)
 
 
-def _send_path(stream: rr.RecordingStream, demonstration: Demonstration, parts: Sequence[Part]) -> None:
+def _send_path(to: Recording, demonstration: Demonstration, parts: Sequence[Part]) -> None:
     step = rrd.thinning(demonstration.dt)
     strips = [demonstration.position[[*range(first, last, step), last]] for first, last, _ in parts]
-    colours = rrd.rgba([colour for _, _, colour in parts])
-    path = entity("paths", demonstration.name)
-    stream.log(path, rr.LineStrips3D(strips, colors=colours, radii=-1.0), static=True)
+    to.lines(entity("paths", demonstration.name), strips, [colour for _, _, colour in parts], -1.0)
 
 
-def _send_positions(stream: rr.RecordingStream, demonstration: Demonstration, parts: Sequence[Part]) -> None:
+def _send_positions(to: Recording, demonstration: Demonstration, parts: Sequence[Part]) -> None:
     """Log each axis as a line coloured by primitive, and points at the cuts."""
     kept = slice(None, None, rrd.thinning(demonstration.dt))
-    times = rrd.time_column(demonstration.time[kept])
     first = [part[0] for part in parts]
-    changes = rrd.time_column(demonstration.time[first])
     colours = rr.SeriesLines.columns(colors=rrd.rgba([colour for _, _, colour in parts]))
     for column, axis in enumerate(AXES):
-        path, position = (
-            entity("position", axis, demonstration.name),
-            1e3 * demonstration.position[:, column],
-        )
-        stream.log(path, rr.SeriesLines(names=demonstration.name, widths=1.0), static=True)
-        stream.send_columns(path, [changes], colours)
-        stream.send_columns(path, [times], rr.Scalars.columns(scalars=position[kept]))
+        path, position = entity("position", axis, demonstration.name), 1e3 * demonstration.position[:, column]
+        to.still(path, rr.SeriesLines(names=demonstration.name, widths=1.0))
+        to.over(path, demonstration.time[first], colours)
+        to.over(path, demonstration.time[kept], rr.Scalars.columns(scalars=position[kept]))
         if len(first) > 1:
-            cuts = first[1:]
-            path, times_of_cuts = entity("cuts", axis, demonstration.name), demonstration.time[cuts]
-            rrd.send_marks(stream, path, [rrd.time_column(times_of_cuts)], position[cuts], "cuts", WHITE)
+            cuts, path = first[1:], entity("cuts", axis, demonstration.name)
+            to.marks(path, demonstration.time[cuts], position[cuts], "cuts", WHITE)
 
 
-def _send_signals(stream: rr.RecordingStream, demonstration: Demonstration, length: float) -> None:
+def _send_signals(to: Recording, demonstration: Demonstration, length: float) -> None:
     """Log the moving frame and the plots of one demonstration."""
     name, kept = demonstration.name, slice(None, None, rrd.thinning(demonstration.dt))
-    times = [rrd.time_column(demonstration.time[kept])]
+    times = demonstration.time[kept]
     orientation = None if demonstration.orientation is None else demonstration.orientation[kept]
     position = demonstration.position[kept]
-    rrd.send_moving_frame(stream, entity("hands", name), times, position, orientation, WHITE, length)
+    to.moving_frame(entity("hands", name), times, position, WHITE, orientation, length)
     for one in _signals(demonstration):
         width = 1.5 if one.legend else 1.0
-        rrd.send_series(stream, entity(one.kind, name), times, one.values, one.names, one.colours, width)
+        to.series(entity(one.kind, name), times, one.values, one.names, one.colours, width)
 
 
 class _Signal(NamedTuple):
@@ -161,7 +153,7 @@ def _blueprint(
     segmentation: Segmentation | None,
     title: str,
     around: Sequence[str],
-) -> rrb.Blueprint:
+) -> rrb.Container:
     points = np.concatenate([demonstration.position for demonstration in demonstrations])
     heading = f"{title}{rrd.origin_label(demonstrations)}"
     scene = rrd.scene_view(heading, ["/paths/**", "/hands/**", *around], points)
@@ -178,10 +170,10 @@ def _blueprint(
     )
     felt = any(one.tactile is not None for one in demonstrations)
     if not felt and all(one.orientation is None and one.wrench is None for one in demonstrations):
-        return rrd.layout(overview)
+        return overview
     details = [_detail(demonstration, segmentation, around) for demonstration in demonstrations[:DETAILED]]
     first = 1 if felt and not around else 0  # the overview does not show touch
-    return rrd.layout(rrb.Tabs(overview, *details, active_tab=first))
+    return rrb.Tabs(overview, *details, active_tab=first)
 
 
 def _detail(

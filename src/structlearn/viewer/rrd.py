@@ -30,9 +30,155 @@ FLOOR_SQUARE_M = 0.1
 GROUND = (13, 13, 13)  # RGB background, dark also in browsers with a light theme
 RESTING = "#565d66"  # electrode that reads as expected
 
+Colours = str | Sequence[str] | np.ndarray
+"""One `#rrggbb`, several, or numbers as of `rgba`."""
+
+Times = np.ndarray | rr.TimeColumn | Sequence[rr.TimeColumn]
+"""T times in s on the time line of seconds, or on other time lines."""
+
+
+class Recording(rr.RecordingStream):
+    """An open recording: what testbeds draw with; `path` is an entity's, radii below 0 are in points."""
+
+    def still(self, path: str, *shapes: rr.AsComponents) -> None:
+        """Log what does not change."""
+        self.log(path, *shapes, static=True)
+
+    def over(self, path: str, times: Times, columns: Any) -> None:
+        """Log T values of components over times."""
+        self.send_columns(path, time_columns(times), columns)
+
+    def series(
+        self,
+        path: str,
+        times: Times,
+        values: np.ndarray,
+        names: str | Sequence[str],
+        colours: str | Sequence[str] = AXIS_COLOURS,
+        width: float = 1.5,
+    ) -> None:
+        """Log one signal (T,) with a name and a colour, or D signals (T, D), as lines of one plot."""
+        count = values.size // max(len(values), 1)
+        called = [names] if isinstance(names, str) and values.ndim == 1 else list(names)
+        shown = rgba(colours if isinstance(colours, str) else colours[: len(called)])
+        self.still(path, rr.SeriesLines(names=called, colors=shown, widths=[width] * len(called)))
+        columns = rr.Scalars.columns(scalars=values.ravel())
+        self.over(path, times, columns.partition([count] * len(values)))
+
+    def marks(self, path: str, times: Times, values: np.ndarray, name: str, colour: str) -> None:
+        """Log single samples (K,) as points in a plot, e.g. a curve's cut points."""
+        style = rr.SeriesPoints(names=name, colors=rgba(colour), markers="circle", marker_sizes=3.0)
+        self.still(path, style)
+        self.over(path, times, rr.Scalars.columns(scalars=values))
+
+    def lines(self, path: str, strips: Any, colours: Colours, radii: float, **look: Any) -> None:
+        """Log N lines of points (2,) or (3,), with N colours or one; `look`: as for `lines`."""
+        self.still(path, lines(strips, colours, radii, **look))
+
+    def dots(self, path: str, points: Any, colours: Colours, radii: float, **look: Any) -> None:
+        """Log N points (2,) or (3,), with N colours or one; `look`: as for `dots`."""
+        self.still(path, dots(points, colours, radii, **look))
+
+    def solid(self, path: str, kind: Any, colours: Colours, opacity: float = 1.0, **shape: Any) -> None:
+        """Log N filled bodies of a kind of rerun's, e.g. `Capsules3D`, with N colours or one."""
+        filled = rr.components.FillMode.Solid
+        self.still(path, kind(colors=rgba(colours, opacity), fill_mode=filled, **shape))
+
+    def boxes(self, path: str, sizes: Any, centres: Any, colours: Colours, opacity: float = 1.0) -> None:
+        """Log N filled boxes with sizes and centres (3,) in m, with N colours or one."""
+        self.solid(path, rr.Boxes3D, colours, opacity, sizes=sizes, centers=centres)
+
+    def moving_point(
+        self,
+        path: str,
+        times: Times,
+        places: np.ndarray,
+        colour: str,
+        radius: float,
+        there: np.ndarray | None = None,
+        **look: Any,
+    ) -> None:
+        """Log a moving point (T, 2) or (T, 3); hidden where `there` (T,) is False."""
+        kind: Any = rr.Points3D if places.shape[1] == 3 else rr.Points2D
+        self.still(path, kind.from_fields(colors=rgba(colour), radii=radius, **look))
+        shown = np.full(len(places), True) if there is None else there
+        self.over(path, times, kind.columns(positions=places[shown]).partition(shown.astype(int)))
+
+    def trail(
+        self, path: str, times: Times, places: np.ndarray, colour: str, radius: float, **look: Any
+    ) -> None:
+        """Log the path (T, 2) or (T, 3) travelled so far."""
+        kind: Any = rr.LineStrips3D if places.shape[1] == 3 else rr.LineStrips2D
+        self.still(path, kind.from_fields(radii=radius, colors=rgba(colour), **look))
+        trails = [places[: max(end, 2)] for end in range(1, len(places) + 1)]
+        self.over(path, times, kind.columns(strips=trails))
+
+    def moving_frame(
+        self,
+        path: str,
+        times: Times,
+        position: np.ndarray,
+        colour: str,
+        orientation: np.ndarray | None = None,
+        axis_length: float = 0.0,
+    ) -> None:
+        """Log a pose over time, (T, 3) m and, if known, (T, 4), as a point with axes of a length in m."""
+        pose: dict[str, Any] = {"translation": position}
+        if orientation is not None:
+            pose["quaternion"] = quaternion.to_xyzw(orientation)
+            if axis_length > 0.0:
+                self.still(path, rr.TransformAxes3D(axis_length))
+        self.dots(path, [[0.0, 0.0, 0.0]], colour, -3.0)
+        self.over(path, times, rr.Transform3D.columns(**pose))
+
+    def readings(
+        self, path: str, times: Times, points: rr.Points2D | rr.Points3D, deviation: np.ndarray, scale: float
+    ) -> None:
+        """Log E electrodes, coloured by deviations (T, E): light blue below what is expected."""
+        self.still(path, points)
+        colours = blended(0.5 + 0.5 * deviation / scale, (LIGHT_BLUE, RESTING, ORANGE))
+        columns = points.columns(colors=colours.ravel()).partition([colours.shape[1]] * len(colours))
+        self.over(path, times, columns)
+
+    def floor_axes(self, path: str, points: np.ndarray) -> float:
+        """Log x, y and z arrows, one floor square long, at the corner of a floor below points (N, 3) m.
+
+        Returns the height of the floor in m, for `scene_view`.
+        """
+        corner = points.min(axis=0)
+        look: dict[str, Any] = {"colors": rgba(AXIS_COLOURS), "labels": ["x", "y", "z"], "show_labels": True}
+        self.still(path, rr.Arrows3D(origins=[corner] * 3, vectors=FLOOR_SQUARE_M * np.eye(3), **look))
+        return float(corner[2])
+
+    def lane(self, path: str, times: Times, names: Sequence[str]) -> None:
+        """Log a coloured lane of P primitives with P + 1 times: their starts and the last end."""
+        colours = [primitive_colour(place) for place in range(len(names))]
+        self.still(path, rr.StateConfiguration(values=names, colors=rgba(colours)))
+        self.over(path, times, rr.StateChange.columns(state=[*names, ""]))
+
+    def notes(self, text: str, *parts: str) -> None:
+        """Log notes on the contents, in Markdown."""
+        self.still(entity("notes", *parts), rr.TextDocument(text, media_type=rr.MediaType.MARKDOWN))
+
+    def show(
+        self,
+        content: rrb.Container | rrb.View | Sequence[rrb.Container],
+        timeline: str = TIME,
+        steps_per_s: float | None = None,
+    ) -> None:
+        """Set up the views, or tabs, with collapsed side panels; the time line is played in a loop.
+
+        `steps_per_s`: playback speed of integer time lines.
+        """
+        shown = rrb.Tabs(*content, active_tab=0) if isinstance(content, Sequence) else content
+        looped: dict[str, Any] = {"timeline": timeline, "play_state": "playing", "loop_mode": "all"}
+        panels = rrb.BlueprintPanel(state="collapsed"), rrb.SelectionPanel(state="collapsed")
+        time = rrb.TimePanel(state="collapsed", fps=steps_per_s, **looped)
+        self.send_blueprint(rrb.Blueprint(shown, *panels, time))
+
 
 @contextmanager
-def recording(path: str | Path, title: str) -> Iterator[rr.RecordingStream]:
+def recording(path: str | Path, title: str) -> Iterator[Recording]:
     """Write a recording: yields the stream; the file is written, complete, when the block ends without error.
 
     Data are collected in memory, since rerun's file sink reports a full disk in its log at most. The viewer
@@ -42,7 +188,7 @@ def recording(path: str | Path, title: str) -> Iterator[rr.RecordingStream]:
     Raises OSError: the file cannot be written; InputError: it cannot be read back.
     """
     application = f"structlearn: {re.sub(r'[^A-Za-z0-9 ,:_-]', '', title)}"  # rerun replaces other characters
-    stream = rr.RecordingStream(application, recording_id=title, send_properties=False)
+    stream = Recording(application, recording_id=title, send_properties=False)
     stream.set_log_time_enabled(False)
     stream.set_log_tick_enabled(False)
     memory = stream.memory_recording()
@@ -67,8 +213,16 @@ def entity(*parts: str) -> str:
     return rr.new_entity_path(list(parts))
 
 
-def rgba(colours: Sequence[str], opacity: float = 1.0) -> np.ndarray:
-    """Colours 0xRRGGBBAA (N,) for rerun, from `#rrggbb`."""
+def below(*parts: str) -> str:
+    """Query expression for an entity and all below it."""
+    return f"{entity(*parts)}/**"
+
+
+def rgba(colours: Colours, opacity: float = 1.0) -> np.ndarray:
+    """Colours 0xRRGGBBAA (N,) for rerun, from one `#rrggbb` or N; numbers stay."""
+    if isinstance(colours, np.ndarray):
+        return colours
+    colours = [colours] if isinstance(colours, str) else colours
     alpha = f"{round(255 * opacity):02x}"
     return np.array([int(f"{colour[1:]}{alpha}", 16) for colour in colours], dtype=np.uint32)
 
@@ -81,9 +235,17 @@ def blended(share: np.ndarray, colours: Sequence[str]) -> np.ndarray:
     return (red << 24) | (green << 16) | (blue << 8) | 0xFF
 
 
-def deviation_colours(deviation: np.ndarray, scale: float) -> np.ndarray:
-    """Colours 0xRRGGBBAA (...) of deviations (...): light blue below the expected reading, orange above."""
-    return blended(0.5 + 0.5 * deviation / scale, (LIGHT_BLUE, RESTING, ORANGE))
+def lines(strips: Any, colours: Colours, radii: float, opacity: float = 1.0, **look: Any) -> rr.AsComponents:
+    """N lines of points (2,) or (3,), with N colours or one."""
+    kind: Any = rr.LineStrips3D if np.shape(strips[0])[-1] == 3 else rr.LineStrips2D
+    return kind(strips, colors=rgba(colours, opacity), radii=radii, **look)
+
+
+def dots(points: Any, colours: Colours, radii: float, opacity: float = 1.0, **look: Any) -> rr.AsComponents:
+    """N points (2,) or (3,), with N colours or one; with `labels`, they are shown."""
+    kind: Any = rr.Points3D if np.shape(points)[-1] == 3 else rr.Points2D
+    shown = {"show_labels": True} if "labels" in look else {}
+    return kind(points, colors=rgba(colours, opacity), radii=radii, **(shown | look))
 
 
 def origin_label(demonstrations: Sequence[Demonstration]) -> str:
@@ -99,124 +261,11 @@ def thinning(dt: float, rate_hz: float = VIEW_RATE_HZ) -> int:
     return max(1, round(1.0 / (rate_hz * dt)))
 
 
-def time_column(times: np.ndarray) -> rr.TimeColumn:
-    """Column of times (T,) s on the time line of seconds."""
-    return rr.TimeColumn(TIME, duration=times)
-
-
-def send_series(
-    stream: rr.RecordingStream,
-    path: str,
-    indexes: Sequence[rr.TimeColumn],
-    values: np.ndarray,
-    names: Sequence[str],
-    colours: Sequence[str] = AXIS_COLOURS,
-    width: float = 1.5,
-) -> None:
-    """Log D signals (T, D) as lines of one plot; `indexes`: T times on each time line."""
-    style = rr.SeriesLines(names=list(names), colors=rgba(colours[: len(names)]), widths=[width] * len(names))
-    stream.log(path, style, static=True)
-    columns = rr.Scalars.columns(scalars=values.ravel())
-    stream.send_columns(path, indexes, columns.partition([values.shape[1]] * len(values)))
-
-
-def send_curve(
-    stream: rr.RecordingStream, path: str, time: np.ndarray, values: np.ndarray, name: str, colour: str
-) -> None:
-    """Log one signal (T,) over time (T,) s as a line of a plot."""
-    send_series(stream, path, [time_column(time)], values[:, None], [name], [colour])
-
-
-def send_marks(
-    stream: rr.RecordingStream,
-    path: str,
-    indexes: Sequence[rr.TimeColumn],
-    values: np.ndarray,
-    name: str,
-    colour: str,
-) -> None:
-    """Log single samples (K,) as points in a plot, e.g. a curve's cut points."""
-    style = rr.SeriesPoints(names=name, colors=rgba([colour]), markers="circle", marker_sizes=3.0)
-    stream.log(path, style, static=True)
-    stream.send_columns(path, indexes, rr.Scalars.columns(scalars=values))
-
-
-def send_moving_point(
-    stream: rr.RecordingStream,
-    path: str,
-    time: np.ndarray,
-    places: np.ndarray,
-    colour: str,
-    radius: float,
-    order: float | None = None,
-    there: np.ndarray | None = None,
-) -> None:
-    """Log a moving point (T, 2) or (T, 3) over times (T,) s; hidden where `there` (T,) is False.
-
-    `radius`: in the unit of the places; `order`: draw order in flat pictures.
-    """
-    kind: Any = rr.Points3D if places.shape[1] == 3 else rr.Points2D
-    look = {"colors": rgba([colour]), "radii": radius} | ({} if order is None else {"draw_order": order})
-    stream.log(path, kind.from_fields(**look), static=True)
-    shown = np.full(len(time), True) if there is None else there
-    columns = kind.columns(positions=places[shown]).partition(shown.astype(int))
-    stream.send_columns(path, [time_column(time)], columns)
-
-
-def send_moving_frame(
-    stream: rr.RecordingStream,
-    path: str,
-    indexes: Sequence[rr.TimeColumn],
-    position: np.ndarray,
-    orientation: np.ndarray | None,
-    colour: str,
-    axis_length: float,
-) -> None:
-    """Log a pose over time, (T, 3) m and, if known, (T, 4), as a point with axes of a length in m."""
-    pose: dict[str, Any] = {"translation": position}
-    if orientation is not None:
-        pose["quaternion"] = quaternion.to_xyzw(orientation)
-    if orientation is not None and axis_length > 0.0:
-        stream.log(path, rr.TransformAxes3D(axis_length), static=True)
-    stream.log(path, rr.Points3D([[0.0, 0.0, 0.0]], colors=rgba([colour]), radii=-3.0), static=True)
-    stream.send_columns(path, indexes, rr.Transform3D.columns(**pose))
-
-
-def send_floor_axes(stream: rr.RecordingStream, path: str, points: np.ndarray) -> float:
-    """Log x, y and z arrows, one floor square long, at the corner of a floor below points (N, 3) m.
-
-    Returns the height of the floor in m, for `scene_view`.
-    """
-    corner = points.min(axis=0)
-    arrows = rr.Arrows3D(
-        origins=[corner] * 3,
-        vectors=FLOOR_SQUARE_M * np.eye(3),
-        colors=rgba(AXIS_COLOURS),
-        labels=["x", "y", "z"],
-        show_labels=True,
-    )
-    stream.log(path, arrows, static=True)
-    return float(corner[2])
-
-
-def solid_boxes(
-    sizes: Sequence[Sequence[float] | np.ndarray],
-    centres: Sequence[Sequence[float] | np.ndarray],
-    colours: Sequence[str],
-    opacity: float = 1.0,
-) -> rr.Boxes3D:
-    """N filled boxes with sizes and centres in m, with N colours or one for all."""
-    filled = rr.components.FillMode.Solid
-    return rr.Boxes3D(sizes=sizes, centers=centres, colors=rgba(colours, opacity), fill_mode=filled)
-
-
-def send_primitive_lane(
-    stream: rr.RecordingStream, path: str, indexes: Sequence[rr.TimeColumn], names: Sequence[str]
-) -> None:
-    """Log a coloured lane of P primitives with P + 1 times: their starts and the last end."""
-    colours = [primitive_colour(place) for place in range(len(names))]
-    stream.log(path, rr.StateConfiguration(values=names, colors=rgba(colours)), static=True)
-    stream.send_columns(path, indexes, rr.StateChange.columns(state=[*names, ""]))
+def time_columns(times: Times) -> list[rr.TimeColumn]:
+    """Columns of T times on each time line."""
+    if isinstance(times, np.ndarray):
+        return [rr.TimeColumn(TIME, duration=times)]
+    return [times] if isinstance(times, rr.TimeColumn) else list(times)
 
 
 def axis_length(points: np.ndarray) -> float:
@@ -274,9 +323,11 @@ def flat_view(
     )
 
 
-def plot(name: str, contents: Sequence[str], legend: bool = True) -> rrb.TimeSeriesView:
-    """Plot over time, with its time axis linked to all others."""
-    return rrb.TimeSeriesView(
+def plot(
+    name: str, contents: Sequence[str], legend: bool = True, limits: tuple[float, float] | None = None
+) -> rrb.TimeSeriesView:
+    """Plot over time, with its time axis linked to all others; `limits`: of values."""
+    view = rrb.TimeSeriesView(
         name=name,
         origin="/",
         contents=list(contents),
@@ -284,6 +335,9 @@ def plot(name: str, contents: Sequence[str], legend: bool = True) -> rrb.TimeSer
         plot_legend=rrb.PlotLegend(rrb.Corner2D.RightTop, visible=legend),
         axis_x=rrb.TimeAxis(link="LinkToGlobal"),
     )
+    if limits is not None:
+        view.properties["ScalarAxis"] = rrb.ScalarAxis(range=limits)
+    return view
 
 
 def lanes(contents: Sequence[str]) -> rrb.StateTimelineView:
@@ -291,32 +345,10 @@ def lanes(contents: Sequence[str]) -> rrb.StateTimelineView:
     return rrb.StateTimelineView(name="Primitives", origin="/", contents=list(contents))
 
 
-def layout(
-    content: rrb.Container | rrb.View, timeline: str = TIME, steps_per_s: float | None = None
-) -> rrb.Blueprint:
-    """Blueprint with collapsed side panels that plays a time line in a loop.
-
-    `steps_per_s`: playback speed of integer time lines.
-    """
-    looped: dict[str, Any] = {"timeline": timeline, "play_state": "playing", "loop_mode": "all"}
-    panels = rrb.BlueprintPanel(state="collapsed"), rrb.SelectionPanel(state="collapsed")
-    return rrb.Blueprint(content, *panels, rrb.TimePanel(state="collapsed", fps=steps_per_s, **looped))
-
-
-def send_notes(stream: rr.RecordingStream, text: str, *parts: str) -> None:
-    """Log notes on the contents, in Markdown."""
-    stream.log(notes_path(*parts), rr.TextDocument(text, media_type=rr.MediaType.MARKDOWN), static=True)
-
-
 def notes_view(*parts: str, name: str = "what is shown") -> rrb.TextDocumentView:
-    """Panel that shows the notes of `send_notes`."""
-    path = notes_path(*parts)
+    """Panel that shows notes."""
+    path = entity("notes", *parts)
     return rrb.TextDocumentView(name=name, origin=path, contents=[path])
-
-
-def notes_path(*parts: str) -> str:
-    """Entity path of notes."""
-    return entity("notes", *parts)
 
 
 def colour_words(colours: dict[str, str]) -> str:
@@ -327,6 +359,11 @@ def colour_words(colours: dict[str, str]) -> str:
 def legend(colours: Mapping[str, str]) -> str:
     """Markdown legend, on one line since panels are low, from palette colours keyed by name."""
     return " · ".join(f"**{COLOUR_NAMES[colour]}** {name}" for name, colour in colours.items())
+
+
+def table(heads: str, rows: Sequence[str]) -> str:
+    """Markdown table of a row of heads and other rows, `| a | b |`."""
+    return "\n".join([heads, "|---" * (heads.count("|") - 1) + "|", *rows])
 
 
 def origin_sentence(runs: Sequence[Demonstration], subject: str = "Everything here is") -> str:

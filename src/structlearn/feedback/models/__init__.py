@@ -1,4 +1,4 @@
-"""Feedback networks, one per module, chosen in `params.yaml` by the module's name (`network: pmnn`).
+"""Feedback networks, one per module; files of networks and skills name the module (`pmnn`).
 
 Modules in folders listed in the environment variable STRUCTLEARN_NETWORKS are found by name too.
 """

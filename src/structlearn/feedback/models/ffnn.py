@@ -4,23 +4,32 @@ Its coupling term does not vanish with the phase velocity: for the comparison in
 """
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Self
+from typing import ClassVar
 
 import numpy as np
 
-from structlearn.feedback.coupling_model import (
-    Compiled,
-    CouplingModel,
-    Jobs,
-    Nodes,
-    Trained,
-    TrainingParameters,
-)
-from structlearn.feedback.models.pmnn import layered, layered_fault, layered_numbers
-from structlearn.networks.compiled_layers import Layers
+from structlearn.core.compiled_calls import kernel
+from structlearn.feedback.coupling_model import Compiled, CouplingModel
+from structlearn.feedback.models.pmnn import mlp_error, pack_mlp
+from structlearn.networks.compiled_layers import Layers, last_hidden
 
-if TYPE_CHECKING:
-    from torch import Tensor
+
+@kernel
+def ffnn_kernel(sizes, values, row, deviations, memory):
+    """Coupling term at one sample; `row`: the output layer, bias first, then the phase inputs."""
+    layers, count = sizes[0], sizes[1]
+    width = sizes[layers + 1]
+    phases = sizes[layers + 2]
+    inputs = memory[len(memory) - count :]
+    for i in range(count - phases):
+        inputs[i] = deviations[i]
+    for i in range(phases):
+        inputs[count - phases + i] = row[1 + width + i]
+    h = last_hidden(sizes, values, inputs, memory)
+    c = row[0]
+    for j in range(width):
+        c += row[1 + j] * h[j]
+    return c
 
 
 @dataclass(frozen=True)
@@ -32,49 +41,25 @@ class FeedForwardNetwork(CouplingModel):
     input_scale: np.ndarray  # (D,) divides them
     layers: Layers  # weights and biases of each hidden layer, and of the output
 
-    kernel = layered
-    phases = 0
-
-    @classmethod
-    def train(
-        cls, jobs: Jobs, parameters: TrainingParameters, hidden: Nodes = (), initial: Self | None = None
-    ) -> list[Trained]:
-        """Train all jobs as one stack by RMSProp, always from scratch; see `CouplingModel.train`."""
-        from structlearn.feedback.supervised_training import Stack, scaled_targets, standardised, train_stack
-        from structlearn.networks.stacked_layers import Dropout, RowLayers
-        from structlearn.networks.torch_settings import seeded
-
-        units, inputs = standardised(jobs, cls.phases)
-        scales, data = scaled_targets(jobs, inputs, None)
-        generator = seeded(parameters.seed)
-        stacked = RowLayers.initial(len(jobs), (inputs.shape[2], *hidden, 1), generator)
-        dropout = Dropout(parameters.dropout, generator)
-
-        def forward(inputs: "Tensor", modulation: None, training: bool) -> "Tensor":
-            return stacked.forward(inputs, training, dropout).squeeze(-1)
-
-        def network(index: int) -> FeedForwardNetwork:
-            *before, (weights, biases) = stacked.layers_of(index)
-            last = (weights * scales[index], biases * scales[index])
-            return cls(*units[index], (*before, last))
-
-        return train_stack(Stack(stacked.parameters(), forward), data, parameters, network)
+    kernel = ffnn_kernel
+    phases: ClassVar[int] = 0
 
     @property
     def inputs(self) -> int:
         """Number of deviations."""
         return len(self.input_mean) - self.phases
 
-    def table(self, p: np.ndarray, u: np.ndarray) -> np.ndarray:
+    def time_features(self, p: np.ndarray, u: np.ndarray) -> np.ndarray:
         """The output layer, bias first, then the phase inputs."""
         weights, biases = self.layers[-1]
         readout = np.broadcast_to([*biases, *weights[0]], (len(p), 1 + weights.shape[1]))
         return np.column_stack([readout, *(p, u)[: self.phases]])
 
-    def fault(self) -> str:
-        """See `pmnn.layered_fault`."""
-        return layered_fault(self.input_mean, self.input_scale, self.layers, 1) or super().fault()
+    def validation_error(self) -> str:
+        """See `pmnn.mlp_error`."""
+        return mlp_error(self.input_mean, self.input_scale, self.layers, 1) or super().validation_error()
 
     def compiled(self) -> Compiled:
-        """See `pmnn.layered`."""
-        return layered_numbers(self.input_mean, self.input_scale, self.layers[:-1], self.phases)
+        """Arguments of `last_hidden`, the number of phase inputs, and room for the inputs."""
+        sizes, values, memory = pack_mlp(self.input_mean, self.input_scale, self.layers[:-1])
+        return Compiled(np.append(sizes, self.phases), values, memory + len(self.input_mean))

@@ -5,9 +5,9 @@ from typing import NamedTuple
 
 import numpy as np
 
-from structlearn.readers.bag import RawMessages
-from structlearn.readers.cdr import decoded
-from structlearn.readers.messages import nanoseconds
+from structlearn.readers.decoded_messages import decoded
+from structlearn.readers.message_streams import nanoseconds
+from structlearn.readers.raw_messages import RawMessages
 
 
 @dataclass(frozen=True)

@@ -90,7 +90,7 @@ def fitness(
 
 def _no_hand(seen: SourceSeen) -> Answer:
     types = {name for file in seen.files for one in file.topics.values() for name in one.types}
-    foreign = sorted(name for name in types if "[" in name)  # unsupported encodings, see `bag`
+    foreign = sorted(name for name in types if "[" in name)  # unsupported encodings, see `raw_messages`
     advice = f"convert to ROS 2 messages, or to a table of poses: {'; '.join(foreign)}" if foreign else ""
     for topic, joints in seen.arms()[:1]:
         advice = f"there are joints in {topic} ({', '.join(joints.names)}): name their robot, URDF=..."

@@ -15,7 +15,7 @@ import numpy as np
 from structlearn.core import quaternion, signals
 from structlearn.core.errors import InputError
 from structlearn.readers.demonstration import Stream
-from structlearn.readers.source import JointPose, TransformPose
+from structlearn.readers.topics import JointPose, TransformPose
 from structlearn.rigid_body.urdf import HANDS
 from structlearn.segmentation.motion_runs import FRACTIONS, Motion, pace, runs_of_motion
 from structlearn.tasks.inspection.clocks import Stamps, stamps_of
@@ -120,23 +120,23 @@ def candidates(hands: Mapping[str, Mapping[PoseSource, HandPath]]) -> list[Candi
 
     def rank(one: Candidate) -> tuple:
         """Sort key, small for likely sources; ties keep the order of names."""
-        kind, way = type(one.source), one.travelled
+        kind, path_length = type(one.source), one.travelled
         farthest = max(other.travelled for other in every if type(other.source) is kind)
-        if kind is not str and way >= ALIKE * farthest:
-            way = farthest
+        if kind is not str and path_length >= ALIKE * farthest:
+            path_length = farthest
         named = isinstance(one.source, TransformPose) and HANDS.search(one.source.child)
         unlikely = not one.moves or 2 * len(one.paths) <= len(hands)
-        return unlikely, KINDS.index(kind), -len(one.paths), not named, -way
+        return unlikely, KINDS.index(kind), -len(one.paths), not named, -path_length
 
     return sorted(every, key=rank)
 
 
 class MotionRun(NamedTuple):
-    """Speed above a threshold from start to end (s since the first pose), over a distance `way` in m."""
+    """Speed above a threshold from start to end (s since the first pose); `path_length` in m."""
 
     start_s: float
     end_s: float
-    way: float
+    path_length: float
     short: bool
 
 
@@ -193,6 +193,6 @@ def motion_runs(path: HandPath, threshold: float) -> list[MotionRun]:
     first, last = runs[np.append(0, pauses + 1), 0], runs[np.append(pauses, len(runs) - 1), 1]
     ways = [float(path.speed[a : b + 1].sum() * path.dt) for a, b in zip(first, last, strict=True)]
     return [
-        MotionRun(float(a * path.dt), float(b * path.dt), way, way < SHORT_SHARE * max(ways))
-        for a, b, way in zip(first, last, ways, strict=True)
+        MotionRun(float(a * path.dt), float(b * path.dt), path_length, path_length < SHORT_SHARE * max(ways))
+        for a, b, path_length in zip(first, last, ways, strict=True)
     ]

@@ -1,4 +1,4 @@
-"""Proposed entry of `stages/tasks/own.yaml` for recordings: what the files show and the defaults do not.
+"""Proposed entry of `structlearn.yaml` for recordings: what the files show and the defaults do not.
 
 Choices among several options, and possible problems, are noted beside the key concerned.
 """
@@ -10,8 +10,8 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from structlearn.readers.messages import READERS
-from structlearn.readers.source import JointPose
+from structlearn.readers.message_streams import READERS
+from structlearn.readers.topics import JointPose
 from structlearn.rigid_body.urdf import moving_joints
 from structlearn.tasks.inspection.fitness import IN_STEP_S, out_of_step
 from structlearn.tasks.inspection.hand_motion import Candidate, MotionSurvey, pose_words
@@ -180,8 +180,10 @@ def _primitives(motion: MotionSurvey | None) -> tuple[int, list[str]]:
     ]
     for place, alike in enumerate(zip(*(motion.counted(name) for name in motion.agreeing), strict=True), 1):
         if alike[0].short:
-            way = max(run.way for run in alike)
-            warnings.append(f"move {place} is of {1e3 * way:.3g} mm at most: idle? then it is one less")
+            path_length = max(run.path_length for run in alike)
+            warnings.append(
+                f"move {place} is of {1e3 * path_length:.3g} mm at most: idle? then it is one less"
+            )
     return motion.number, warnings
 
 

@@ -12,7 +12,7 @@ import yaml
 
 from structlearn.core.artefacts import publish
 from structlearn.core.errors import printable
-from structlearn.readers.messages import FIELDS
+from structlearn.readers.message_streams import FIELDS
 from structlearn.tasks.inspection.clocks import TopicClocks, stamps_of
 from structlearn.tasks.inspection.fitness import Answer, fitness
 from structlearn.tasks.inspection.hand_motion import (
@@ -92,7 +92,7 @@ def report(found: Findings) -> Iterator[str]:
     if found.proposal is None:
         yield "No entry can be proposed: no stream could be the pose of a hand."
     else:
-        yield from ("To paste below `movement:` in stages/tasks/own.yaml:", "", *as_yaml(found.proposal))
+        yield from ("To paste below `movement:` in structlearn.yaml:", "", *as_yaml(found.proposal))
 
 
 def as_yaml(proposal: Proposal) -> list[str]:

@@ -9,21 +9,16 @@ from itertools import product
 from typing import NamedTuple
 
 from structlearn.core.errors import InputError
-from structlearn.readers.bag import RawMessages
 from structlearn.readers.bag_recording import open_bag, read_recording
-from structlearn.readers.cdr import short_name
 from structlearn.readers.computed_pose import TransformSeries, transform_series
+from structlearn.readers.decoded_messages import short_name
 from structlearn.readers.demonstration import Stream
-from structlearn.readers.joint_log import JointSeries, chosen, joint_series
-from structlearn.readers.messages import READERS
-from structlearn.readers.source import (
-    JointPose,
-    RecordingFile,
-    StampPolicy,
-    TopicMap,
-    TransformPose,
-    recording_files,
-)
+from structlearn.readers.joint_streams import JointSeries, chosen, joint_series
+from structlearn.readers.message_streams import READERS
+from structlearn.readers.raw_messages import RawMessages
+from structlearn.readers.source_files import RecordingFile, recording_files
+from structlearn.readers.source_parameters import StampPolicy
+from structlearn.readers.topics import JointPose, TopicMap, TransformPose
 from structlearn.rigid_body.urdf import HANDS, counterparts, moving_joints, tips
 from structlearn.tasks.inspection.clocks import Stamps, TopicClocks, stamps_of, topic_clocks
 from structlearn.tasks.inspection.hand_motion import HandPath, PoseSource, hand_path
@@ -113,7 +108,7 @@ def look_at(source: str, urdf: str | None = None) -> SourceSeen:
 
 def _shipped(urdf: str) -> str:
     """Path of a file in `pybullet_data`, which entries may name; other names are unchanged."""
-    from structlearn.simulation.arm import urdf_path  # slow import, only needed here
+    from structlearn.rigid_body.urdf import urdf_path  # slow import, only needed here
 
     with suppress(InputError):
         return str(urdf_path(urdf))

@@ -25,9 +25,10 @@ from structlearn.rigid_body.regressor import (
     link_parameters,
     torque_regressor,
 )
-from structlearn.rigid_body.tree import KinematicTree, LinkInertias, Robot
-from structlearn.tasks.motion import motion_parameters as names
-from structlearn.tasks.motion.motion_parameters import CENTRE, MotionParameters
+from structlearn.rigid_body.robot import Robot
+from structlearn.rigid_body.tree import KinematicTree, LinkInertias
+from structlearn.tasks.motion import parameters as names
+from structlearn.tasks.motion.parameters import CENTRE, MotionParameters
 
 # Friction terms of least squares on logs, with an offset, since torque and current sensors may not be zeroed
 FRICTION = FRICTIONS["offset"]
@@ -69,7 +70,7 @@ def drive_tables(
         moved = (log.desired_currents[cut], log.target_torques[cut], log.velocities[cut])
         gains = moving_gains(*moved, *drawing)
         tried = np.repeat(delays[:, None], len(joints), axis=1)
-        _, positions, velocities, currents = on_clock(log, parameters.rate_hz, tried)
+        _, positions, velocities, currents = log_on_clock(log, parameters.rate_hz, tried)
         whole = smoothed_motion(name, positions, velocities, currents[0], dt, parameters.smoothing_hz)
         cut = longest_motion(name, whole.qd, parameters)
         states = whole.part(cut)
@@ -95,7 +96,7 @@ def drive_tables(
     }
 
 
-def on_clock(
+def log_on_clock(
     log: DriveLog, rate_hz: float, delays_s: np.ndarray, max_gap_s: float = MAX_GAP_S
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
     """Resample a log to a uniform clock (`clock.on_one_clock`), shifting each joint's current by its delay.
@@ -122,7 +123,7 @@ def current_motion(
 ) -> tuple[Motion, slice]:
     """A log's longest motion, with torques from the found gains and delays, and its place on the clock."""
     late = _of(tables["drives"], names.DELAY, parameters.train).to_numpy()
-    _, positions, velocities, currents = on_clock(log, parameters.rate_hz, late)
+    _, positions, velocities, currents = log_on_clock(log, parameters.rate_hz, late)
     torques = currents * tables["gains"][names.FOUND].to_numpy()
     dt = 1.0 / parameters.rate_hz
     whole = smoothed_motion(log.name, positions, velocities, torques, dt, parameters.smoothing_hz)
@@ -165,12 +166,12 @@ def weighed_loads(
     """
     assert parameters.load is not None
     pairs = parameters.load.pairs
-    asked = {pair[1]: [pair] for pair in pairs} | ({names.ALL_PAIRS: list(pairs)} if pairs else {})
+    compared = {pair[1]: [pair] for pair in pairs} | ({names.ALL_PAIRS: list(pairs)} if pairs else {})
     work = []
     for gain, values in gains.items():
         ratio = values / gains[names.FOUND]
         scaled = {log: replace(its, torque=its.torque * ratio) for log, its in motions.items()}
-        for name, its in asked.items():
+        for name, its in compared.items():
             work.append((name, gain, [(scaled[empty], scaled[loaded]) for empty, loaded in its]))
     length, draws, seed = parameters.drawing
     weigh = partial(identify_load, tree, friction=FRICTION, length=length, draws=draws, seed=seed)

@@ -23,21 +23,21 @@ from structlearn.reporting.findings import Findings
 from structlearn.reporting.publishing import publish_report
 from structlearn.rigid_body.arm_kinematics import Arm, LinkShapes, link_distances, read_shapes
 from structlearn.rigid_body.excitation import (
-    Arena,
+    DesignProblem,
     ExcitationParameters,
-    arena,
     design,
+    design_problem,
     parameter_errors,
     random_series,
     written,
 )
 from structlearn.rigid_body.friction import FRICTIONS
 from structlearn.rigid_body.motion import Motion
-from structlearn.rigid_body.tree import Robot, read_urdf
-from structlearn.simulation.arm import urdf_path
+from structlearn.rigid_body.robot import Robot, read_urdf
+from structlearn.rigid_body.urdf import urdf_path
 from structlearn.tasks import project
 from structlearn.tasks.motion.motion_figures import gain_panel, share_panels
-from structlearn.tasks.motion.motion_parameters import MotionParameters
+from structlearn.tasks.motion.parameters import MotionParameters
 from structlearn.tasks.shown_tables import shown
 from structlearn.tasks.task_entry import read_task
 from structlearn.tasks.task_files import local_path
@@ -60,16 +60,19 @@ class ExciteParameters(ExcitationParameters):
 
 def design_trajectory(task: str | None, urdf: str, locked: Sequence[str]) -> None:
     """Design and publish a trajectory for a task's robot, or a URDF with joints to lock; print a summary."""
-    parameters = stage_parameters("excite", ExciteParameters, project.defaults_file())
+    parameters = stage_parameters("excite", ExciteParameters, project.DEFAULTS)
     if task:
         urdf, locked = robot_of(task)
     name = task or re.sub(r"[^a-z0-9_-]", "_", Path(urdf).stem.lower())
     path = urdf_path(str(local_path(urdf)))
     robot = read_urdf(path, locked)
-    its, shapes, links = space(robot, path, locked, parameters)
-    found = design(its, parameters.starts, parameters.iterations, parameters.seed)
-    times, motion = written(its, clear(its, found[0], shapes, parameters), parameters.rate_hz)
-    joints, gains = joint_table(robot, its, motion), gain_table(its, shapes, times, motion, parameters)
+    problem, shapes, links = space(robot, path, locked, parameters)
+    optima = design(problem, parameters.starts, parameters.iterations, parameters.seed)
+    times, motion = written(problem, clear(problem, optima[0], shapes, parameters), parameters.rate_hz)
+    joints, gains = (
+        joint_table(robot, problem, motion),
+        gain_table(problem, shapes, times, motion, parameters),
+    )
     facts = {"urdf": urdf, "name": name, "seconds": times[-1], "links": links, "samples": len(times)}
     facts["noise"] = 100 * parameters.noise_share
     facts["command"] = f"structlearn excite {f'--task {task}' if task else f'--urdf {urdf}'}"
@@ -86,25 +89,25 @@ def robot_of(task: str) -> tuple[str, Sequence[str]]:
     entry = read_task(task)
     robot = entry if isinstance(entry, MotionParameters) else getattr(entry, "robot", None)
     if robot is None or robot.urdf is None:
-        raise InputError(f"{project.entry_files()[-1]}: {task}: names no robot")
+        raise InputError(f"{project.ENTRIES}: {task}: names no robot")
     return robot.urdf, robot.locked_joints
 
 
 def space(
     robot: Robot, urdf: Path, locked: Sequence[str], parameters: ExciteParameters
-) -> tuple[Arena, LinkShapes | None, str]:
+) -> tuple[DesignProblem, LinkShapes | None, str]:
     """Feasible motion: the largest part of the joints' ranges in which random motion keeps links apart.
 
     Returns the limits, shapes of the links if the URDF has any, and collision information as text.
     """
-    its = arena(robot, parameters, FRICTIONS["offset"])
+    problem = design_problem(robot, parameters, FRICTIONS["offset"])
     lower, upper = (np.clip(bound, -np.pi, np.pi) for bound in (robot.tree.lower, robot.tree.upper))
     try:
         shapes = read_shapes(Arm(urdf, robot.tree, robot.model, 0), locked, 0.5 * (lower + upper))
     except InputError as error:
-        return its, None, f"not checked for collisions ({error})"
+        return problem, None, f"not checked for collisions ({error})"
     for shrink in SHRINKS:
-        smaller = replace(its, reach=shrink * its.reach)
+        smaller = replace(problem, reach=shrink * problem.reach)
         tried = random_series(smaller, parameters.compared, parameters.seed)
         if all(least_distance(smaller, free, shapes) >= parameters.clearance_m for free in tried):
             blind = f"; not watched: {', '.join(shapes.touching)}" if shapes.touching else ""
@@ -115,7 +118,7 @@ def space(
 
 
 def clear(
-    its: Arena, free: np.ndarray, shapes: LinkShapes | None, parameters: ExciteParameters
+    problem: DesignProblem, free: np.ndarray, shapes: LinkShapes | None, parameters: ExciteParameters
 ) -> np.ndarray:
     """Reduce amplitudes of the free parameters until all links keep their distance."""
     if shapes is None:
@@ -124,43 +127,49 @@ def clear(
     for shrink in SHRINKS:
         size = np.minimum(shrink / (1.0 + np.exp(-free[:, -1])), ALL_BUT)
         smaller[:, -1] = np.log(size / (1.0 - size))
-        if least_distance(its, smaller, shapes) >= parameters.clearance_m:
+        if least_distance(problem, smaller, shapes) >= parameters.clearance_m:
             return smaller
     raise InputError(f"links are closer than {parameters.clearance_m:g} m where the joints hardly move")
 
 
-def least_distance(its: Arena, free: np.ndarray, shapes: LinkShapes) -> float:
+def least_distance(problem: DesignProblem, free: np.ndarray, shapes: LinkShapes) -> float:
     """Least distance between two links in m, exact below `NEAR_M`."""
-    _, motion = written(its, free, LOOKED_AT_HZ)
+    _, motion = written(problem, free, LOOKED_AT_HZ)
     return float(link_distances(shapes, motion.q, NEAR_M).min())
 
 
-def joint_table(robot: Robot, its: Arena, motion: Motion) -> pd.DataFrame:
+def joint_table(robot: Robot, problem: DesignProblem, motion: Motion) -> pd.DataFrame:
     """Used range, velocity and torque of every joint beside its limits, and whether all are kept."""
     tree, torque = robot.tree, np.abs(motion.torque).max(axis=0)
     least, most, fastest = motion.q.min(axis=0), motion.q.max(axis=0), np.abs(motion.qd).max(axis=0)
-    kept = (tree.lower <= least) & (most <= tree.upper) & (fastest <= tree.velocity) & (torque <= its.effort)
+    kept = (
+        (tree.lower <= least) & (most <= tree.upper) & (fastest <= tree.velocity) & (torque <= problem.effort)
+    )
     columns = {"joint": tree.names, "lower": tree.lower, "least": least, "most": most, "upper": tree.upper}
     columns |= {"fastest": fastest, "velocity_limit": tree.velocity, "largest_torque_n_m": torque}
-    columns |= {"torque_limit_n_m": its.effort, "kept": np.where(kept, "yes", "no")}
+    columns |= {"torque_limit_n_m": problem.effort, "kept": np.where(kept, "yes", "no")}
     return pd.DataFrame(columns)
 
 
 def gain_table(
-    its: Arena, shapes: LinkShapes | None, times: np.ndarray, motion: Motion, parameters: ExciteParameters
+    problem: DesignProblem,
+    shapes: LinkShapes | None,
+    times: np.ndarray,
+    motion: Motion,
+    parameters: ExciteParameters,
 ) -> pd.DataFrame:
     """Factors by which errors of base parameters are larger after random trajectories than after this one.
 
     Geometric means over the parameters, for logs of equal length with noise on the torques.
     """
-    spread = np.where(np.isfinite(its.effort), its.effort, motion.torque.std(axis=0))
+    spread = np.where(np.isfinite(problem.effort), problem.effort, motion.torque.std(axis=0))
     draw = parameters.noise_share * spread, parameters.draws, parameters.seed
-    own = parameter_errors(its, motion, *draw) * np.sqrt(len(times))
+    own = parameter_errors(problem, motion, *draw) * np.sqrt(len(times))
     gains = []
-    for free in random_series(its, parameters.compared, parameters.seed + 1):
-        others, other = written(its, clear(its, free, shapes, parameters), parameters.rate_hz)
-        ratio = parameter_errors(its, other, *draw) * np.sqrt(len(others)) / own
-        gains.append(np.exp(np.log(ratio[: len(its.theta)]).mean()))
+    for free in random_series(problem, parameters.compared, parameters.seed + 1):
+        others, other = written(problem, clear(problem, free, shapes, parameters), parameters.rate_hz)
+        ratio = parameter_errors(problem, other, *draw) * np.sqrt(len(others)) / own
+        gains.append(np.exp(np.log(ratio[: len(problem.theta)]).mean()))
     return pd.DataFrame({"random_trajectory": np.arange(1, len(gains) + 1), "gain": gains})
 
 

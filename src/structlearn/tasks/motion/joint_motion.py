@@ -35,13 +35,17 @@ from structlearn.rigid_body.friction import FRICTIONS, friction_columns
 from structlearn.rigid_body.log_fitness import log_fitness, parameter_table
 from structlearn.rigid_body.model_comparison import NETWORKS, TRAIN, Models, NetworkTraining
 from structlearn.rigid_body.motion import Motion, joined, measured_motion
-from structlearn.rigid_body.tree import KinematicTree, Robot, joint_order, read_urdf
-from structlearn.simulation.arm import urdf_path
+from structlearn.rigid_body.robot import Robot, read_urdf
+from structlearn.rigid_body.tree import KinematicTree, joint_order
+from structlearn.rigid_body.urdf import urdf_path
 from structlearn.tasks.motion import drives_and_load
 from structlearn.tasks.motion.drives_and_load import FRICTION, longest_motion
-from structlearn.tasks.motion.motion_parameters import (
+from structlearn.tasks.motion.parameters import (
+    BLOCK_S,
     FOUND,
+    GRAVITY_SHARE,
     QUOTED,
+    TEST_EVERY,
     MotionParameters,
     NetworkChoiceParameters,
 )
@@ -58,7 +62,7 @@ THE_LOAD = re.compile(f"{LOAD}$", re.IGNORECASE)
 Pieces = dict[str, list[tuple[str, Motion]]]  # pieces of motions, each with its log, by part
 
 
-def arm_of(parameters: MotionParameters) -> tuple[Robot, Path]:
+def read_arm(parameters: MotionParameters) -> tuple[Robot, Path]:
     """Robot with its URDF's inertias, and the URDF's path: a file, or one of `pybullet_data`.
 
     In a public set, the URDF may be in any subfolder.
@@ -90,7 +94,7 @@ def learn_motion(
     Raises InputError: a log lacks a joint, is too short, has no motion or a constant torque.
     MissingInputError: logs are named, but fewer than two motions are without load.
     """
-    logs = {name: in_order(robot.tree, log) for name, log in logs.items()}
+    logs = {name: in_tree_order(robot.tree, log) for name, log in logs.items()}
     models: Models = {}
     if parameters.structures:
         models, tables = _identified(robot, logs, parameters, source, folder)
@@ -107,20 +111,20 @@ def _identified(
 ) -> tuple[Models, dict[str, pd.DataFrame]]:
     if parameters.train is not None:
         parameters = logs_that_are_there(logs, parameters)
-    asked = logs if parameters.train is None else moving_logs(logs, parameters)
+    moving = logs if parameters.train is None else moving_logs(logs, parameters)
     tables: dict[str, pd.DataFrame] = {}
     gains = {FOUND: np.ones(len(robot.tree.names))}
     if parameters.drives is None:
-        cuts = {name: cut_motion(log, parameters) for name, log in asked.items()}
+        cuts = {name: cut_motion(log, parameters) for name, log in moving.items()}
     else:
         tables = drives_and_load.drive_tables(robot.tree, logs, parameters)
         gains = {name: tables["gains"][name].to_numpy() for name in (FOUND, QUOTED)}
-        cuts = {name: drives_and_load.current_motion(log, tables, parameters) for name, log in asked.items()}
+        cuts = {name: drives_and_load.current_motion(log, tables, parameters) for name, log in moving.items()}
     motions = {name: motion for name, (motion, _) in cuts.items()}
-    pieces = held_out(motions, parameters)
+    pieces = held_out_pieces(motions, parameters)
     parts = joined_parts(", ".join(logs), pieces, parameters)
     tables["motions"] = _motion_table(
-        asked, {name: its for name, (_, its) in cuts.items()}, pieces, parameters
+        moving, {name: its for name, (_, its) in cuts.items()}, pieces, parameters
     )
     networks: dict[Kind, NetworkTraining] = {}
     if parameters.networks is not None:
@@ -141,7 +145,7 @@ def _identified(
     judged = models["cov", parameters.judged_friction]
     stride = max(1, round(parameters.rate_hz / parameters.traces_hz))
     first = list(parts)[1]
-    tables |= fitness_tables(robot, parts[TRAIN], [log.time for log in asked.values()], parameters) | {
+    tables |= fitness_tables(robot, parts[TRAIN], [log.time for log in moving.values()], parameters) | {
         "errors": model_comparison.error_table(torques, parts),
         "blocks": model_comparison.block_table(torques, parts, parameters.block),
         "norms": model_comparison.block_norms(torques, parts, parameters.block),
@@ -162,7 +166,7 @@ def joined_parts(logs: str, pieces: Pieces, parameters: MotionParameters) -> dic
     if min(map(len, list(parts.values())[:2])) < parameters.block:
         raise InputError(
             f"{logs}: {learned_s:.1f} s to learn from and {tested_s:.1f} s to test on are too short for "
-            f"blocks of {parameters.block_s:g} s"
+            f"blocks of {BLOCK_S:g} s"
         )
     return parts
 
@@ -185,7 +189,7 @@ def fitness_tables(
     }
 
 
-def in_order(tree: KinematicTree, log: Log) -> Log:
+def in_tree_order(tree: KinematicTree, log: Log) -> Log:
     """Sort a log's columns into the robot's joint order."""
     if log.joints == tuple(tree.names):
         return log
@@ -246,29 +250,28 @@ def logs_that_are_there(logs: Mapping[str, Log], parameters: MotionParameters) -
     return parameters.model_copy(update=update)
 
 
-def held_out(motions: Mapping[str, Motion], parameters: MotionParameters) -> Pieces:
+def held_out_pieces(motions: Mapping[str, Motion], parameters: MotionParameters) -> Pieces:
     """Split motions into training (`TRAIN`) and test pieces.
 
     Named logs are parts of their own, including those without load that no parameter names. Otherwise the
-    last logs are the test part. A single log (or the first, if `train_share` is given) is split into its
+    last log is the test part. A single log (or the first, if `train_share` is given) is split into its
     start for training and the rest, or into blocks of time.
     """
-    names, every = list(motions), parameters.test_every
+    names = list(motions)
     if parameters.train is not None:
-        asked = [name for name in names if name != parameters.train and not CARRIES.search(name)]
-        asked.sort(key=lambda name: name != parameters.test)
+        test = [name for name in names if name != parameters.train and not CARRIES.search(name)]
+        test.sort(key=lambda name: name != parameters.test)
         learned = {TRAIN: [(parameters.train, motions[parameters.train])]}
-        return learned | {name: [(name, motions[name])] for name in asked}
+        return learned | {name: [(name, motions[name])] for name in test}
     if parameters.train_share is not None:
         start, rest = motions[names[0]].split(parameters.train_share)
         return {TRAIN: [(names[0], start)], TEST: [(names[0], rest)]}
     if len(names) > 1:
-        last = len(names) - min(parameters.test_logs, len(names) - 1)
-        return {TRAIN: list(motions.items())[:last], TEST: list(motions.items())[last:]}
+        return {TRAIN: list(motions.items())[:-1], TEST: list(motions.items())[-1:]}
     motion, name = motions[names[0]], names[0]
     pieces = [(name, motion.part(piece)) for piece in blocks(np.arange(len(motion)), parameters.block)]
-    kept = [its for place, its in enumerate(pieces) if place % every != every - 1]
-    return {TRAIN: kept, TEST: pieces[every - 1 :: every] or [(name, motion.part(slice(0, 0)))]}
+    kept = [its for place, its in enumerate(pieces) if place % TEST_EVERY != TEST_EVERY - 1]
+    return {TRAIN: kept, TEST: pieces[TEST_EVERY - 1 :: TEST_EVERY] or [(name, motion.part(slice(0, 0)))]}
 
 
 def _motion_table(
@@ -304,7 +307,7 @@ def gravity_check(robot: Robot, motion: Motion, parameters: MotionParameters) ->
     parts = np.concatenate([gravity[..., None], moving[..., None], friction], axis=2)
     each = list(zip(parts.swapaxes(0, 1), motion.torque.T, strict=True))
     share = np.array([np.linalg.lstsq(its, torque, rcond=None)[0][0] for its, torque in each])
-    varies, least = np.array([its.std() for its in gravity.T]), parameters.gravity_share
+    varies, least = np.array([its.std() for its in gravity.T]), GRAVITY_SHARE
     cases = [varies < parameters.gravity_n_m, (least <= share) & (share <= 1.0 / least), share < 1.0 - least]
     return pd.DataFrame(
         {

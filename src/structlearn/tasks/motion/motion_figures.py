@@ -1,17 +1,18 @@
 """Figures of joint logs: errors by joint, torques, loads over time, delays of the drives."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
 import pandas as pd
 from matplotlib.figure import Figure
 
-from structlearn.palette import BLACK, BLUE, CATEGORICAL_COLOURS, GREY, ORANGE, PINK, Look
+from structlearn.core.metrics import matching
+from structlearn.palette import BLACK, BLUE, CATEGORICAL_COLOURS, GREY, ORANGE
 from structlearn.reporting.figure_style import Drawing, legend, panel, styled
 from structlearn.rigid_body.motion import Motion
-from structlearn.tasks.motion.motion_parameters import CARRYING, DELAY, EMPTY, LEARNED
-from structlearn.tasks.motion.motion_results import BEST, BOUNDS, LOOKS, URDF, MotionResults, chosen
+from structlearn.tasks.motion.motion_results import BEST, BOUNDS, LOOKS, URDF, MotionResults
+from structlearn.tasks.motion.parameters import CARRYING, DELAY, EMPTY, LEARNED
 
 # Models whose torques are drawn beside the measured ones
 TRACED = (URDF, ("mlp", "none"), (BEST, "viscous"), (BEST, "coulomb"))
@@ -25,14 +26,11 @@ STAGES = {
 }
 
 
-PART_LOOKS = {"mlp": Look("MLP", ORANGE), "delan": Look("DeLaN", PINK), "cov": Look("planar arm, Cov", BLUE)}
-
-
 def motion_figures(results: MotionResults) -> dict[str, Drawing | Sequence[Drawing]]:
     """All figures, keyed by name."""
     worst = results.test.loc[results.best].sort_values(ascending=False).index[:TRACED_JOINTS]
     first, *others = [torque_panel(results, joint) for joint in worst]
-    drawn: dict[str, Drawing | Sequence[Drawing]] = {"motion": [errors_panel(results), first]}
+    drawn: dict[str, Drawing | Sequence[Drawing]] = {"motion": [joint_errors_panel(results), first]}
     if others:
         drawn["motion_torques"] = others
     if "gains" in results:
@@ -43,7 +41,7 @@ def motion_figures(results: MotionResults) -> dict[str, Drawing | Sequence[Drawi
 
 
 @styled
-def errors_panel(results: MotionResults) -> Figure:
+def joint_errors_panel(results: MotionResults) -> Figure:
     """NMSE by joint and model, with intervals for the model written as URDF."""
     figure, axes = panel("Held-out motion", 3.5, xlabel="joint", ylabel="NMSE", yscale="log")
     for key, look in LOOKS.items():
@@ -62,7 +60,7 @@ def torque_panel(results: MotionResults, joint: int) -> Figure:
     """Torque of one joint, measured and predicted."""
     title = f"Joint {joint}: {results.names[joint - 1]}"
     figure, axes = panel(title, 3.5, xlabel="time of the motion (s)", ylabel="torque (N m)")
-    its = chosen(results["traces"], joint=joint)
+    its = matching(results["traces"], joint=joint)
     axes.plot(its["time_s"], its["measured"], color=BLACK, linewidth=2.4, alpha=0.35, label="measured")
     for key in dict.fromkeys((*TRACED, results.best)):
         name = "_".join(key).removesuffix("_none")
@@ -80,7 +78,7 @@ def load_panel(results: MotionResults, log: str) -> Figure:
     assert load is not None
     title = f"Log {results.carried_logs.index(log) + 1}: estimated load over time"
     figure, axes = panel(title, 3.6, xlabel="time (s)", ylabel="mass in the hand (kg)")
-    its, true = chosen(results["carried"], log=log), load.known_kg
+    its, true = matching(results["carried"], log=log), load.known_kg
     top = 1.25 * max(true, its["mass_kg"].max())
     for stage, part in its.groupby("stage", sort=False):
         words, background = STAGES[stage]
@@ -103,27 +101,12 @@ def delay_panel(results: MotionResults) -> Figure:
     """Torque residual of each joint over the assumed delay of its current."""
     labels = {"xlabel": "delay assumed (ms)", "ylabel": "squares / least"}
     figure, axes = panel("Delay of the currents", 3.4, **labels)
-    its = chosen(results["delay_curves"], log=results.train_log)
+    its = matching(results["delay_curves"], log=results.train_log)
     for colour, (joint, curve) in zip(CATEGORICAL_COLOURS, its.groupby("joint"), strict=False):
         axes.plot(1e3 * curve["delay_s"], curve["squares"], color=colour, label=f"joint {joint}")
         axes.plot(results.drive(DELAY, joint).value, 1.0, "o", color=colour, markersize=5)
     axes.set_ylim(0.99, 1.0 + 0.7 * (its["squares"].max() - 1.0))
     return legend(figure, 3)
-
-
-@styled
-def parts_panel(parts: pd.DataFrame, published: Mapping[str, float]) -> Figure:
-    """Errors of all trainings by part of the torque, with the published errors."""
-    labels = {"ylabel": "squared error", "yscale": "log"}
-    figure, axes = panel("Held-out characters", 3.5, **labels)
-    places = np.arange(len(published))
-    for shift, (model, look) in zip((-0.2, 0.0, 0.2), PART_LOOKS.items(), strict=True):
-        its = parts[parts["model"] == model]
-        where = its["measure"].map(dict(zip(published, places, strict=True))) + shift
-        axes.plot(where, its["error"], "o", color=look.colour, markersize=3.5, alpha=0.6, label=look.name)
-    axes.hlines(list(published.values()), places - 0.4, places + 0.4, color=BLACK, label="DeLaN, published")
-    axes.set_xticks(places, list(published))
-    return legend(figure)
 
 
 @styled

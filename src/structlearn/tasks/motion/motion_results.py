@@ -6,16 +6,16 @@ from typing import NamedTuple
 import numpy as np
 import pandas as pd
 
-from structlearn.core.metrics import block_count, block_sums, drawn_counts, percentiles
+from structlearn.core.metrics import block_count, block_sums, drawn_counts, matching, percentiles
 from structlearn.palette import BLACK, BLUE, GREEN, GREY, LIGHT_BLUE, OCHRE, ORANGE, PINK, Look
-from structlearn.reporting.claims import Evidence, Found, confidence, counted, exact, mean, unknown
+from structlearn.reporting.evidence import Evidence, Found, confidence, exact, exact_count, mean, unknown
 from structlearn.reporting.findings import Findings
 from structlearn.reporting.prose import interval, rounded
 from structlearn.rigid_body import friction
 from structlearn.rigid_body.model_names import DEFAULT, NAMES, STRICT
 from structlearn.rigid_body.motion import drawn_nmse
-from structlearn.tasks.motion import motion_parameters as protocol
-from structlearn.tasks.motion.motion_parameters import MotionParameters
+from structlearn.tasks.motion import parameters as protocol
+from structlearn.tasks.motion.parameters import SEED, MotionParameters
 
 # The original URDF; the kind that becomes a URDF; the kind that need not be physically consistent
 URDF, BEST, BOUNDS = ("urdf", "none"), "cov", "least_squares"
@@ -81,11 +81,6 @@ def stated(found: Evidence, number: str) -> str:
     return f"{rounded(found.value, number)} {interval(found.low, found.high, number)}"
 
 
-def chosen(table: pd.DataFrame, **keys: object) -> pd.DataFrame:
-    """Rows with the given values in their columns."""
-    return table[np.logical_and.reduce([table[name] == value for name, value in keys.items()])]
-
-
 def model_words(key: tuple[str, str]) -> str:
     """Display name of a model with friction, e.g. `Cov, viscous, Coulomb`."""
     return ", ".join(filter(None, (MODELS[key[0]], FRICTIONS[key[1]])))
@@ -114,8 +109,8 @@ class MotionResults(dict[str, pd.DataFrame]):
 
     def nmse(self, part: str, model: tuple[str, str]) -> tuple[np.ndarray, int]:
         """NMSE (1 + D, n) of a model by joint, on a part and on drawn blocks, and the number of blocks."""
-        blocks = chosen(self["blocks"], part=part)
-        value, draws, count = drawn_nmse(blocks, model, self.parameters.draws, self.parameters.seed)
+        blocks = matching(self["blocks"], part=part)
+        value, draws, count = drawn_nmse(blocks, model, self.parameters.draws, SEED)
         return np.vstack([value, draws]), count
 
     def mean_nmse(self, model: tuple[str, str]) -> Drawn:
@@ -135,10 +130,10 @@ class MotionResults(dict[str, pd.DataFrame]):
         over that of the torques; `norm_n_m`: mean norm.
         """
         key, joints = "/".join(model), len(self.joints)
-        its = chosen(self["blocks"], part=self.tested).sort_values(["block", "joint"])
+        its = matching(self["blocks"], part=self.tested).sort_values(["block", "joint"])
         sums = its[["samples", "torque_squared", key]].to_numpy().reshape(-1, joints, 3)
-        norms = chosen(self["norms"], part=self.tested)[["samples", key]].to_numpy()
-        counts = drawn_counts(len(sums), self.parameters.draws, self.parameters.seed)
+        norms = matching(self["norms"], part=self.tested)[["samples", key]].to_numpy()
+        counts = drawn_counts(len(sums), self.parameters.draws, SEED)
         counts = np.vstack([np.ones(len(sums)), counts])  # the first row is the whole part
         samples, squared, errors = np.moveaxis(np.tensordot(counts, sums, 1), -1, 0)
         limits = 2.0 * self["gravity"]["limit_n_m"].replace(0.0, np.nan).to_numpy()  # 0: the URDF has none
@@ -166,7 +161,7 @@ class MotionResults(dict[str, pd.DataFrame]):
         """
         own, load = self.parameters, self.parameters.load
         assert load is not None
-        its = chosen(self["carried"], log=log, stage=protocol.CARRYING)
+        its = matching(self["carried"], log=log, stage=protocol.CARRYING)
         masses = its.loc[its["since_s"] > load.settled_s, "mass_kg"]
         error = 100.0 * np.abs(masses.to_numpy() / load.known_kg - 1.0)
         length = round(load.memory_s * own.rate_hz / load.batch)
@@ -174,7 +169,7 @@ class MotionResults(dict[str, pd.DataFrame]):
         if count < FEWEST_BLOCKS:
             return masses, Drawn(np.array([error.mean() if len(error) else np.nan, np.nan]), count)
         sums = block_sums(np.stack([error, np.ones_like(error)], axis=1), length)
-        errors, samples = (drawn_counts(count, own.draws, own.seed) @ sums).T
+        errors, samples = (drawn_counts(count, own.draws, SEED) @ sums).T
         return masses, Drawn(np.append(error.mean(), errors / samples), count)
 
     def drive(self, quantity: str, joint: int, log: str = "") -> Drawn:
@@ -184,11 +179,11 @@ class MotionResults(dict[str, pd.DataFrame]):
 
     def rest_log(self) -> str | None:
         """The log of the arm at rest that gave the drives' gains, if any."""
-        return next(iter(chosen(self["drives"], quantity=protocol.AT_REST)["log"]), None)
+        return next(iter(matching(self["drives"], quantity=protocol.AT_REST)["log"]), None)
 
     def _drawn(self, table: str, column: str, **keys: object) -> Drawn:
         """One row of a table with its draws."""
-        whole, draws = chosen(self[f"{table}s"], **keys).iloc[0], chosen(self[f"{table}_draws"], **keys)
+        whole, draws = matching(self[f"{table}s"], **keys).iloc[0], matching(self[f"{table}_draws"], **keys)
         return Drawn(np.append(whole[column], draws[column]), whole["blocks"])
 
 
@@ -201,9 +196,9 @@ def motion_findings(results: MotionResults) -> Findings:
         find.add(name, found, unit=UNITS.get(name, ""), headline=name in HEADLINES)
     written = results["written"]["difference_n_m"]
     find.among("joints").exact("written_torques", float(written.max()), len(written), unit="N m")
-    links = chosen(results["links"], model=BEST, friction=results.best[1])
+    links = matching(results["links"], model=BEST, friction=results.best[1])
     possible = links[["positive_mass", "positive_definite", "triangle"]].all(axis=1)
-    find.among("links").counted("possible_bodies", int(possible.sum()), len(possible))
+    find.among("links").exact_count("possible_bodies", int(possible.sum()), len(possible))
     return find
 
 
@@ -220,7 +215,7 @@ def _models(results: MotionResults) -> dict[str, Row]:
     better = test.loc[structures].max() < test.loc[URDF]
     levels = {key: results.mean_nmse(key) for key in test.index}
     worst = levels[max(structures, key=lambda key: levels[key].value)]
-    by_seed = chosen(results["errors"], part=part).groupby(["model", "friction", "seed"])["nmse"].mean()
+    by_seed = matching(results["errors"], part=part).groupby(["model", "friction", "seed"])["nmse"].mean()
     own, bounds = (results.joint_nmse(part, key) for key in (results.best, results.bounds))
     strict = [kind for kind in STRICT if (kind, "viscous") in levels]
     consistent = [kind for kind in ("tri", "cov") if (kind, "coulomb") in levels]
@@ -234,7 +229,7 @@ def _models(results: MotionResults) -> dict[str, Row]:
         "nmse": levels[results.best],
         "nmse_urdf": levels[URDF],
         "mean_nmse": {model_words(key): its.evidence() for key, its in levels.items()},
-        "better_joints": counted(int(better.sum()), len(better)),
+        "better_joints": exact_count(int(better.sum()), len(better)),
         "over_networks": {
             MODELS[key[0]]: Drawn(levels[key].samples - worst.samples, worst.n)
             for key in levels

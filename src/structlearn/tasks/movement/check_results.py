@@ -10,7 +10,7 @@ import pandas as pd
 
 from structlearn.core.artefacts import Metrics, publish, read_table
 from structlearn.core.errors import InputError
-from structlearn.tasks.project import entry_files
+from structlearn.tasks.project import ENTRIES
 from structlearn.tasks.task_files import TaskFiles, write_tables
 
 NOMINAL, STARTS, GOALS, CORRECTIONS = KINDS = ("nominal", "starts", "goals", "corrections")  # kinds of runs
@@ -139,7 +139,7 @@ def main(files: TaskFiles) -> bool:
     Raises InputError: the task has no robot, or was not checked.
     """
     if files.kind != "movement" or not files.has("robot"):
-        entry = f"{entry_files()[-1]}: {files.kind}.{files.name}"
+        entry = f"{ENTRIES}: {files.kind}.{files.name}"
         raise InputError(f"{entry} has no robot to be checked on; add `robot: {{urdf: .., tip: ..}}`")
     check = read_check(files.folder / "check")
     print("\n".join(lines(check)))

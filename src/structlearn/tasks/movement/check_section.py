@@ -15,7 +15,7 @@ from structlearn.reporting.figure_style import WIDTH, canvas, styled
 from structlearn.reporting.findings import Findings
 from structlearn.tasks.movement.check_results import KINDS, THIN, SkillCheck, overall, read_check
 from structlearn.tasks.movement.feedback_learning import in_view
-from structlearn.tasks.movement.movement_parameters import MovementEntry
+from structlearn.tasks.movement.parameters import MovementEntry
 from structlearn.tasks.section import Section
 from structlearn.tasks.shown_tables import shown
 from structlearn.tasks.task_files import ABSENT, TaskFiles

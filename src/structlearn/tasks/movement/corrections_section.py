@@ -17,7 +17,7 @@ from structlearn.reporting.figure_style import SAMPLES, legend, panel, styled
 from structlearn.reporting.findings import Findings
 from structlearn.reporting.prose import capitalised, listing
 from structlearn.tasks.movement.feedback_learning import feedback_metrics, in_view, read_feedback
-from structlearn.tasks.movement.movement_parameters import MovementEntry
+from structlearn.tasks.movement.parameters import MovementEntry
 from structlearn.tasks.section import Section
 from structlearn.tasks.shown_tables import shown
 from structlearn.tasks.task_files import TaskFiles
@@ -70,10 +70,10 @@ def feedback_section(files: TaskFiles) -> Section | None:
 def response_table(scores: pd.DataFrame) -> Table:
     """Table of scores with displacements in mm and degrees."""
     factors, units = zip(*scores["axis"].map(in_view), strict=True)
-    frame, measures = scores.assign(unit=units), ["asked", "got", "off"]
+    frame, measures = scores.assign(unit=units), ["target", "predicted", "rms"]
     frame[measures] = frame[measures].mul(list(factors), axis=0)
     headings = {"left_out": "left out", "nmse": "NMSE", "learned": "of what is learned from"}
-    headings |= {"off": "rms difference", "unit": ""}
+    headings |= {"rms": "rms difference", "unit": ""}
     return Table(frame, dict.fromkeys(("nmse", *measures), ".2f"), headings)
 
 

@@ -8,8 +8,8 @@ from matplotlib.figure import Figure
 
 from structlearn.palette import BLACK, METHOD_NAMES
 from structlearn.readers.demonstration import Demonstration
-from structlearn.reporting.claims import difference
 from structlearn.reporting.document import Table
+from structlearn.reporting.evidence import difference
 from structlearn.reporting.figure_style import PANEL_WIDTH, canvas, styled
 from structlearn.reporting.findings import Findings
 from structlearn.reporting.movement_figures import draw_cuts, noise_figure, shade_primitives, speed
@@ -19,7 +19,7 @@ from structlearn.segmentation.cut_errors import errors_by_level, errors_by_seed,
 from structlearn.segmentation.quality import MEASURES, quality
 from structlearn.segmentation.segments import Segmentation
 from structlearn.tasks.movement.movement_learning import cut_metrics
-from structlearn.tasks.movement.movement_parameters import MovementEntry
+from structlearn.tasks.movement.parameters import MovementEntry
 from structlearn.tasks.section import Section
 from structlearn.tasks.shown_tables import shown
 from structlearn.tasks.task_files import TaskFiles
@@ -62,19 +62,19 @@ def cuts_section(files: TaskFiles) -> Section:
     demonstrations = files.runs("demonstrations")
     by_name, flagged = {one.name: one for one in demonstrations}, set(segmentation.warnings["demonstration"])
     cut = [name for name in by_name if name in set(segmentation.cuts["demonstration"])]
-    drawn = sorted(cut, key=lambda name: name not in flagged)[:DRAWN] if own.given is None else []
+    drawn = sorted(cut, key=lambda name: name not in flagged)[:DRAWN] if own.presegmented is None else []
     points = pd.concat([segmentation.result(name).reset_index() for name in segmentation.primitives])
     points = points[["demonstration", "primitive", *ENDS]].sort_values(["demonstration", "start_s"])
     facts = {
         "cut": len(cut),
-        "given": own.given,
+        "presegmented": own.presegmented,
         "drawn": len(drawn),
         "reference": segmentation.reference,
         "onsets": own.segment is not None and own.segment.at_onsets,
         "left_out": len(segmentation.left_out),
         "warnings": len(segmentation.warnings),
         "flagged": [name for name in cut if name in flagged],
-        "kept": own.keep_doubtful,
+        "kept": own.keep_flagged,
         "true": any(one.true_segments is not None for one in demonstrations),
     }
     tables = {
@@ -82,7 +82,7 @@ def cuts_section(files: TaskFiles) -> Section:
         "left_out": Table(segmentation.left_out),
         "warnings": Table(segmentation.warnings, {"number": ".2f"}),
     }
-    if own.given is None:  # quality of each demonstration, the best first; outliers are bold
+    if own.presegmented is None:  # quality of each demonstration, the best first; outliers are bold
         made = quality(demonstrations, segmentation.results, own.fit.smoothing_hz)
         ranked = made.sort_values("rank").reset_index(drop=True)[
             ["rank", "demonstration", *MEASURES, "outlier"]

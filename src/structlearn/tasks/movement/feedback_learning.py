@@ -19,20 +19,21 @@ from structlearn.feedback.coupling_dataset import (
     from_axes_table,
     to_axes_table,
 )
-from structlearn.feedback.coupling_model import CouplingModel, read_networks, train_final, write_networks
+from structlearn.feedback.coupling_model import CouplingModel, read_networks, write_networks
 from structlearn.feedback.coupling_targets import (
     coupling_dataset,
     learn_expected,
     level_dataset,
     require_parts,
 )
+from structlearn.feedback.trainers import train_final
 from structlearn.primitives.primitive_files import read_vector_primitive, write_vector_primitive
 from structlearn.primitives.sequence import PosePrimitive
 from structlearn.primitives.vector import VectorPrimitive
 from structlearn.readers.demonstration import Demonstration
 from structlearn.segmentation.parameters import SegmentParameters
 from structlearn.segmentation.segments import execution_cuts
-from structlearn.tasks.movement.movement_parameters import TaskFeedbackParameters
+from structlearn.tasks.movement.parameters import TaskFeedbackParameters
 
 NETWORKS = "networks.safetensors"
 
@@ -49,8 +50,8 @@ class Feedback:
     networks: Mapping[str, Mapping[Axis, CouplingModel]]
     checks: pd.DataFrame  # of `coupling_targets.coupling_dataset`, with `primitive`; `setting` is a label
     # `primitive`, `axis`, `left_out`, `learned` (False: a test-only setting), `nmse` on what was left out
-    # (NaN if nothing was corrected); for the unroll with recorded readings, the displacement `asked` at the
-    # peak of its mean, the one `got` there, and the rms difference `off` (m, rad)
+    # (NaN if nothing was corrected); for the unroll with recorded readings, the displacement `target` at the
+    # peak of its mean, the one `predicted` there, and the rms difference `rms` (m, rad)
     scores: pd.DataFrame
 
 
@@ -110,7 +111,7 @@ def _learned(
             if len(its.target):
                 rows.append((name, axis, one, bool(label), *_scored(network, its)))
     keys = ["primitive", "axis", "left_out", "learned"]
-    scores = pd.DataFrame(rows, columns=[*keys, "nmse", "asked", "got", "off"])
+    scores = pd.DataFrame(rows, columns=[*keys, "nmse", "target", "predicted", "rms"])
     return networks, scores.groupby(keys, sort=False).mean().reset_index()
 
 
@@ -126,7 +127,7 @@ def _groups(dataset: CouplingDataset, parameters: TaskFeedbackParameters) -> np.
 
 def _trained(work: tuple[str, Axis, str, CouplingDataset, TaskFeedbackParameters]) -> CouplingModel:
     *_, dataset, parameters = work
-    return train_final(parameters.model, dataset, parameters.training, parameters.hidden)
+    return train_final(parameters.network, dataset, parameters.training, parameters.hidden)
 
 
 def _scored(network: CouplingModel, dataset: CouplingDataset) -> tuple[float, float, float, float]:
@@ -134,11 +135,11 @@ def _scored(network: CouplingModel, dataset: CouplingDataset) -> tuple[float, fl
     corrected = np.ptp(dataset.target) > 0.0
     error = nmse(network.coupling(dataset.deviation, dataset.phase, dataset.phase_velocity), dataset.target)
     paths = corrected_paths(dataset, SAMPLES)
-    got = network.coupling(paths.deviation, *paths.phase) @ paths.response.T
-    asked, mean = paths.correction.mean(axis=0), got.mean(axis=0)
-    peak = int(np.argmax(np.abs(asked if corrected else mean)))
-    off = float(np.sqrt(np.mean((got - paths.correction) ** 2)))
-    return (float(error) if corrected else np.nan), float(asked[peak]), float(mean[peak]), off
+    predicted = network.coupling(paths.deviation, *paths.phase) @ paths.response.T
+    target, mean = paths.correction.mean(axis=0), predicted.mean(axis=0)
+    peak = int(np.argmax(np.abs(target if corrected else mean)))
+    rms = float(np.sqrt(np.mean((predicted - paths.correction) ** 2)))
+    return (float(error) if corrected else np.nan), float(target[peak]), float(mean[peak]), rms
 
 
 def feedback_metrics(feedback: Feedback) -> Metrics:
@@ -146,9 +147,9 @@ def feedback_metrics(feedback: Feedback) -> Metrics:
     found: Metrics = {}
     for (name, axis), its in feedback.scores.groupby(["primitive", "axis"], sort=False):
         found[f"feedback_{name}_{axis}_nmse"] = float(its.loc[its["learned"], "nmse"].mean())
-        for got in its.loc[its["left_out"] == LEVEL, "got"]:
+        for predicted in its.loc[its["left_out"] == LEVEL, "predicted"]:
             factor, unit = in_view(axis)
-            found[f"feedback_{name}_{axis}_uncorrected_{unit}"] = factor * abs(float(got))
+            found[f"feedback_{name}_{axis}_uncorrected_{unit}"] = factor * abs(float(predicted))
     return found
 
 

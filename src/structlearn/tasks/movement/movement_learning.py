@@ -22,7 +22,7 @@ from structlearn.primitives.fitting import (
     orientations,
     reproduction_errors,
     segment_paths,
-    whole,
+    whole_run_cuts,
 )
 from structlearn.primitives.position import in_local_frame
 from structlearn.primitives.sequence import PosePrimitive, SequencePath
@@ -38,20 +38,26 @@ from structlearn.segmentation.alignment import RESULT, WARNING_COLUMNS
 from structlearn.segmentation.cut_errors import between_dwells, cut_errors, mean_cut_errors_ms
 from structlearn.segmentation.parameters import SegmentParameters
 from structlearn.segmentation.segments import PAIR_COLUMNS, Segmentation, cut
-from structlearn.tasks.movement.movement_parameters import PARTS, RestParameters
+from structlearn.tasks.movement.parameters import PARTS, RestParameters
 
+NOISE_HZ = 5.0  # cut-off of the noise that is added between simulated rests: a hand trembles no faster
+REST_S = (0.3, 1.0)  # range of these rests before and after each movement
 SAMPLES = 500  # per path in normalised time
 
 
 def segmented(
-    runs: Sequence[Demonstration], given: str | None, cutting: SegmentParameters | None
+    runs: Sequence[Demonstration], presegmented: str | None, cutting: SegmentParameters | None
 ) -> Segmentation:
-    """Cut recordings, or use them whole if `given`. Raises InputError as `segments.cut`."""
-    if given is None:
+    """Cut recordings, or use them whole if `presegmented`. Raises InputError as `segments.cut`."""
+    if presegmented is None:
         assert cutting is not None
         return cut(runs, cutting)
     names = [one.name for one in runs]
-    its = {"demonstration": names, "primitive": names if given == PARTS else given, "method": RESULT}
+    its = {
+        "demonstration": names,
+        "primitive": names if presegmented == PARTS else presegmented,
+        "method": RESULT,
+    }
     return Segmentation(
         cuts=pd.DataFrame(its | {"start_s": 0.0, "end_s": [float(one.time[-1]) for one in runs]}),
         pairs=pd.DataFrame(columns=PAIR_COLUMNS),
@@ -61,17 +67,17 @@ def segmented(
     )
 
 
-def learned_cuts(segmentation: Segmentation, keep_doubtful: bool) -> dict[str, pd.DataFrame]:
+def learned_cuts(segmentation: Segmentation, keep_flagged: bool) -> dict[str, pd.DataFrame]:
     """Cuts by primitive to learn from: without demonstrations that have a cut warning.
 
     Raises InputError: all have one.
     """
-    flagged = [] if keep_doubtful else segmentation.warnings["demonstration"].unique()
+    flagged = [] if keep_flagged else segmentation.warnings["demonstration"].unique()
     found = {name: cuts[~cuts.index.isin(flagged)] for name, cuts in segmentation.results.items()}
     if not all(len(cuts) for cuts in found.values()):
         reason = segmentation.warnings["reason"].iloc[0]
         raise InputError(
-            f"no demonstration is without a cut warning ({reason}); `keep_doubtful: true` learns from all"
+            f"no demonstration is without a cut warning ({reason}); `keep_flagged: true` learns from all"
         )
     return found
 
@@ -110,7 +116,7 @@ def _found_again(
 ) -> pd.DataFrame:
     noise, seed = level
     embedded = [
-        between_dwells(one, rests.rest_s, rests.noise_hz, 1e-3 * noise, np.random.default_rng([seed, place]))
+        between_dwells(one, REST_S, NOISE_HZ, 1e-3 * noise, np.random.default_rng([seed, place]))
         for place, one in enumerate(runs)
     ]
     return cut_errors(embedded, cut(embedded, cutting)).assign(noise_mm=noise, seed=seed)
@@ -165,7 +171,7 @@ def turns(runs: Sequence[Demonstration], primitive: PosePrimitive, parameters: F
     the recorded run; the one from all, with the mean start, goal and duration, and compared with the runs'
     time-normalised mean. Raises InputError: a run has no orientation.
     """
-    segments = segment_paths(runs, whole(runs), parameters.smoothing_hz)
+    segments = segment_paths(runs, whole_run_cuts(runs), parameters.smoothing_hz)
     paths, recorded = orientations(segments), [run.signal("orientation") for run in runs]
     turned, rows = [np.degrees(largest_turn([path])) for path in paths], []
     for run, segment, path, turn_deg, reference in zip(runs, segments, paths, turned, recorded, strict=True):

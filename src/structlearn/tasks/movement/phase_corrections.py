@@ -30,13 +30,15 @@ from structlearn.primitives.position import PositionPrimitive, in_local_frame
 from structlearn.primitives.trajectory import Trajectory, differentiated
 from structlearn.primitives.vector import VectorPrimitive, sample_count
 from structlearn.readers.demonstration import Demonstration
-from structlearn.tasks.movement.movement_parameters import PhaseCorrectionParameters
+from structlearn.tasks.movement.parameters import PhaseCorrectionParameters
 
 AXES = ("x", "y", "z")  # of the local frame: x from start to goal, z upwards, y sideways
 SAMPLES = 500  # per movement in normalised time, for distances and tables
 # Last fraction of the movement, reported separately: there the phase velocity vanishes, and with it the
 # output of a phase-modulated network
 END = 0.1
+LEARNED_SHARE = 0.7  # of the complete runs, in every split: enough of the few to learn from
+SEED = 1  # of the splits
 Networks = Sequence[tuple[str, CouplingModel]]  # one network per local axis, by name in `AXES`
 
 
@@ -158,7 +160,7 @@ def learn_corrections(
     networks, profiles = [], []
     found: dict[str, list[pd.DataFrame]] = {"distances": [], "scores": [], "paths": []}
     for split in range(parameters.splits):
-        seen, unseen = _split(len(runs), parameters, split)
+        seen, unseen = _split(len(runs), split)
         networks.append(phase_networks([runs[place].target for place in seen], parameters.kernel_count))
         coupled = np.array([_curve(adapted_path(nominal, runs[at].path, networks[-1])) for at in unseen])
         paths = {"nominal": unchanged[unseen], "coupling": coupled, "spread": curves[seen].mean(axis=0)}
@@ -193,10 +195,10 @@ def learn_corrections(
     return networks[0], tables
 
 
-def _split(count: int, parameters: PhaseCorrectionParameters, split: int) -> tuple[np.ndarray, np.ndarray]:
+def _split(count: int, split: int) -> tuple[np.ndarray, np.ndarray]:
     """Sorted indices of the training runs and of those left out."""
-    order = np.random.default_rng([parameters.seed, split]).permutation(count)
-    learned = min(max(round(parameters.learned_share * count), 1), count - 1)
+    order = np.random.default_rng([SEED, split]).permutation(count)
+    learned = min(max(round(LEARNED_SHARE * count), 1), count - 1)
     return np.sort(order[:learned]), np.sort(order[learned:])
 
 

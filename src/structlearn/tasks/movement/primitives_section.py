@@ -19,7 +19,7 @@ from structlearn.reporting.figure_style import SAMPLES, Drawing, legend, panel, 
 from structlearn.reporting.findings import Findings
 from structlearn.reporting.movement_figures import fit_panel, sequence_figure, space_panels
 from structlearn.tasks.movement.movement_learning import fit_metrics, learned_cuts
-from structlearn.tasks.movement.movement_parameters import PARTS, MovementEntry
+from structlearn.tasks.movement.parameters import PARTS, MovementEntry
 from structlearn.tasks.section import Section
 from structlearn.tasks.shown_tables import shown
 from structlearn.tasks.task_files import TaskFiles
@@ -40,7 +40,7 @@ VIEWS = {"xz": ("From the side", "forward", "up"), "xy": ("From above", "forward
 def primitives_section(files: TaskFiles) -> Section:
     """Section on the learned primitives and their distances from the demonstrations."""
     own, runs, primitives = files.entry(MovementEntry), files.runs("demonstrations"), files.primitives()
-    cuts = learned_cuts(files.segmentation(), own.keep_doubtful)
+    cuts = learned_cuts(files.segmentation(), own.keep_flagged)
     segments = {name: segment_paths(runs, its, own.fit.smoothing_hz) for name, its in cuts.items()}
     reproduction = files.table("primitives/reproduction").query("regression == @own.fit.regression")
     errors = summary(reproduction)
@@ -48,7 +48,7 @@ def primitives_section(files: TaskFiles) -> Section:
     left_out = errors[errors["demonstrations"] == "left out"]
     told = left_out if len(left_out) else errors
     pictures: dict[str, Drawing | Sequence[Drawing]] = {}
-    if own.given in (None, PARTS):
+    if own.presegmented in (None, PARTS):
         pictures["space"] = space_figure(runs, sequences[TITLES["nominal"]])
         pictures["fit"] = [
             fit_figure(one, place, segments[one.name], runs[0].dt) for place, one in enumerate(primitives)
@@ -69,7 +69,11 @@ def primitives_section(files: TaskFiles) -> Section:
         "turns": "mean_deg" in errors,
         "spread": reproduction.groupby("primitive", sort=False)["from_mean_mm"].mean().to_dict(),
         "drawn": set(pictures),
-        "main": "" if own.turns or own.given == PARTS else "space" if own.given is None else "local",
+        "main": ""
+        if own.turns or own.presegmented == PARTS
+        else "space"
+        if own.presegmented is None
+        else "local",
         "demonstrations": len(runs),
     }
     numbers = fit_metrics(reproduction, own.fit)
@@ -215,7 +219,7 @@ def turn_panel(segments: list[Segment], primitive: PosePrimitive) -> Figure:
 
 def execution_section(files: TaskFiles) -> Section | None:
     """Section on an execution recorded in parts: the sequence over it."""
-    if files.entry(MovementEntry).given != PARTS:
+    if files.entry(MovementEntry).presegmented != PARTS:
         return None
     errors, nominal = files.table("primitives/execution"), files.table("primitives/nominal")
     words = {"mean_mm": "position (mm)", "mean_deg": "orientation (°)"}

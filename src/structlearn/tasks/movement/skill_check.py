@@ -39,10 +39,10 @@ from structlearn.rigid_body.arm_kinematics import (
     read_shapes,
     rest_for,
 )
-from structlearn.simulation.arm import urdf_path
+from structlearn.rigid_body.urdf import urdf_path
 from structlearn.tasks.movement import check_results
 from structlearn.tasks.movement.check_results import CORRECTIONS, GOALS, NO, NOMINAL, STARTS, SkillCheck
-from structlearn.tasks.movement.movement_parameters import RobotParameters
+from structlearn.tasks.movement.parameters import RobotParameters
 from structlearn.tasks.task_files import local_path
 
 RATE_HZ = 200.0  # sampling of runs; 5 ms is short compared with anything in a primitive of half a second

@@ -14,9 +14,9 @@ import pandas as pd
 from structlearn.core.errors import InputError
 from structlearn.core.parallel import parallel_map
 from structlearn.readers.user_tables import TouchLog
+from structlearn.tasks.touch.parameters import ForceParameters
 from structlearn.tasks.touch.skin_readings import gaussian_process, polynomial
 from structlearn.tasks.touch.touch_names import NEW_PRESSES, NEW_RUN, PRESSURE, PROCESS, QUADRATIC
-from structlearn.tasks.touch.touch_parameters import ForceParameters
 
 PRESSURE_DEGREE = 4  # of the polynomial of the channels' norm
 LAG_STEP_S = 0.02  # grid of lags; the best one is refined by a parabola
@@ -58,9 +58,9 @@ def force_errors(
     Recordings with too few weighed presses to hold one out are skipped.
 
     Returns:
-        Errors: `learned_from`, `asked_about`, `new`, `model`, `press`, `rms_n`, `worst_n`. Lags: `run`,
+        Errors: `learned_from`, `test_run`, `new`, `model`, `press`, `rms_n`, `worst_n`. Lags: `run`,
         `signals_s`, `force_s`, `readings` of the scale, `presses`. Traces on other recordings:
-        `learned_from`, `asked_about`, `time_s`, `force_n` and `read_n` of `QUADRATIC`.
+        `learned_from`, `test_run`, `time_s`, `force_n` and `read_n` of `QUADRATIC`.
 
     Raises:
         InputError: a recording has no time or place.
@@ -101,14 +101,14 @@ def _run_errors(
         left_out = lagging.press == press
         models = _models(lagging.part(~left_out), parameters.penalties)
         table, _ = _press_errors(lagging.part(left_out), models)
-        errors.append(table.assign(asked_about=run.name, new=NEW_PRESSES))
+        errors.append(table.assign(test_run=run.name, new=NEW_PRESSES))
     models = _models(own, parameters.penalties) | {PROCESS: _process(own, known)}
     for other in (one for one in runs if one.name != run.name):
-        asked = weighed_presses(other, lags, parameters.pressed_n)
-        table, found = _press_errors(asked, models)
-        errors.append(table.assign(asked_about=other.name, new=NEW_RUN))
-        trace = pd.DataFrame({"time_s": asked.time, "force_n": asked.force, "read_n": found[QUADRATIC]})
-        traces.append(trace.assign(learned_from=run.name, asked_about=other.name))
+        tested = weighed_presses(other, lags, parameters.pressed_n)
+        table, found = _press_errors(tested, models)
+        errors.append(table.assign(test_run=other.name, new=NEW_RUN))
+        trace = pd.DataFrame({"time_s": tested.time, "force_n": tested.force, "read_n": found[QUADRATIC]})
+        traces.append(trace.assign(learned_from=run.name, test_run=other.name))
     return [its.assign(learned_from=run.name) for its in errors], [pd.DataFrame([row])], traces
 
 
@@ -199,21 +199,21 @@ def _quadratic(training: WeighedPresses, penalties: Sequence[float]) -> Estimate
     def missed(penalty: float) -> float:
         squares = 0.0
         for one in np.unique(part):
-            known, asked = training.part(part != one), training.part(part == one)
+            known, tested = training.part(part != one), training.part(part == one)
             read = regression(penalty).fit(known.channels, known.force).predict
-            squares += np.square(read(asked.channels) - asked.force).sum()
+            squares += np.square(read(tested.channels) - tested.force).sum()
         return squares
 
     return regression(min(penalties, key=missed)).fit(training.channels, training.force).predict
 
 
 def _press_errors(
-    asked: WeighedPresses, models: Mapping[str, Estimate]
+    tested: WeighedPresses, models: Mapping[str, Estimate]
 ) -> tuple[pd.DataFrame, dict[str, np.ndarray]]:
     """Table of `model`, `press`, `rms_n` and `worst_n`, and the estimated forces (N,) by model."""
-    tables, forces = [], {model: estimate(asked.channels) for model, estimate in models.items()}
+    tables, forces = [], {model: estimate(tested.channels) for model, estimate in models.items()}
     for model, force in forces.items():
-        error = pd.Series(np.abs(force - asked.force)).groupby(asked.press)
+        error = pd.Series(np.abs(force - tested.force)).groupby(tested.press)
         columns = {"rms_n": error.apply(lambda its: np.sqrt(np.mean(its**2))), "worst_n": error.max()}
         tables.append(pd.DataFrame(columns).rename_axis("press").reset_index().assign(model=model))
     return pd.concat(tables, ignore_index=True), forces

@@ -16,14 +16,19 @@ from structlearn.readers.user_tables import TouchLog
 from structlearn.tactile.latent_models import TrainedTouch
 from structlearn.tactile.latent_parameters import STRUCTURES, InverseModel
 from structlearn.tactile.pressed_skin import PLANE, STEP_S, PressedSkin, servo_on_table
-from structlearn.tactile.servo_controller import Caution, RestingServo, ServoParameters, TactileServo
+from structlearn.tactile.servo_controller import (
+    AdaptiveServo,
+    ModelTrust,
+    ServoParameters,
+    TactileServo,
+)
+from structlearn.tasks.touch.parameters import TouchParameters
 from structlearn.tasks.touch.skin_force import force_errors
 from structlearn.tasks.touch.skin_readings import place_errors, within_runs
 from structlearn.tasks.touch.skin_touches import NEVER_VARIES, Touches, folds_of, gathered, learn_skin
-from structlearn.tasks.touch.touch_names import CORRECTED, PLAIN, PUBLISHED_SERVO, STRUCTURED
-from structlearn.tasks.touch.touch_parameters import TouchParameters
+from structlearn.tasks.touch.touch_names import ADAPTIVE, PLAIN, PUBLISHED_SERVO, STRUCTURED
 
-SPREAD = 0.5  # of the likely actions; range over which the corrected controller takes slopes
+SPREAD = 0.5  # of the likely actions; range over which the adaptive controller takes slopes
 
 
 def learn_touch(
@@ -86,9 +91,9 @@ def servo_trials(work: tuple[TrainedTouch, Touches, Touches]) -> tuple[pd.DataFr
     """Servoing trials of all controllers, from press to press of another run.
 
     Returns:
-        Trials: `learned_from`, `asked_about`, `model`, `controller`, `seed`, `trial`, `arrived`, `left_mm`,
-        `length_ratio`, `straight_mm`. Paths of the corrected controller of the first seed with structure:
-        `learned_from`, `asked_about`, `trial`, `step`, `x_m`, `y_m`, `target_x_m`, `target_y_m`.
+        Trials: `learned_from`, `test_run`, `model`, `controller`, `seed`, `trial`, `arrived`, `left_mm`,
+        `length_ratio`, `straight_mm`. Paths of the adaptive controller of the first seed with structure:
+        `learned_from`, `test_run`, `trial`, `step`, `x_m`, `y_m`, `target_x_m`, `target_y_m`.
     """
     learned, run, other = work
     chosen = run.parameters.servo
@@ -96,7 +101,7 @@ def servo_trials(work: tuple[TrainedTouch, Touches, Touches]) -> tuple[pd.DataFr
     table, rng = table_of(run, other, 1e-3 * chosen.depth_mm), np.random.default_rng(chosen.seed)
     starts, targets = rng.integers(0, len(table.pressure), (2, chosen.trials))
     straight = np.linalg.norm(table.place[starts, :PLANE] - table.place[targets, :PLANE], axis=1)
-    names, trials, paths = {"learned_from": run.name, "asked_about": other.name}, [], pd.DataFrame()
+    names, trials, paths = {"learned_from": run.name, "test_run": other.name}, [], pd.DataFrame()
     for structure, controller, servo in controllers(learned, run.parameters):
         map_alone = structure and len(learned.units.action_scale) == PLANE
         done = servo_on_table(servo, table, starts, targets, chosen.steps, map_alone)
@@ -113,7 +118,7 @@ def servo_trials(work: tuple[TrainedTouch, Touches, Touches]) -> tuple[pd.DataFr
             "straight_mm": 1e3 * straight[trial],
         }
         trials.append(pd.DataFrame(columns))
-        if structure and controller == CORRECTED:
+        if structure and controller == ADAPTIVE:
             steps = len(done.path)
             places = np.hstack([done.path[:, 0].reshape(-1, PLANE), np.tile(done.target, (steps, 1))])
             paths = pd.DataFrame(places, columns=["x_m", "y_m", "target_x_m", "target_y_m"])
@@ -137,8 +142,8 @@ def controllers(
     """Controllers to compare: whether the latent space is structured, name and controller."""
     chosen = parameters.servo
     assert chosen is not None
-    compared: list[tuple[str, InverseModel]] = [*((one, one) for one in PUBLISHED_SERVO), (CORRECTED, "NJ")]
-    caution = Caution(by_likelihood=True, spread=SPREAD, correction=chosen.correction)
+    compared: list[tuple[str, InverseModel]] = [*((one, one) for one in PUBLISHED_SERVO), (ADAPTIVE, "NJ")]
+    trust = ModelTrust(by_likelihood=True, spread=SPREAD, correction=chosen.correction)
     for structure in STRUCTURES:
         for name, inverse in compared:
             settings = ServoParameters(
@@ -148,7 +153,7 @@ def controllers(
                 largest_action=chosen.largest_action,
             )
             given = learned.models, learned.units, structure, settings, 1.0 / STEP_S
-            if name == CORRECTED:
-                yield structure, name, RestingServo(*given, actions_per_step=1, caution=caution)
+            if name == ADAPTIVE:
+                yield structure, name, AdaptiveServo(*given, actions_per_step=1, trust=trust)
             else:
                 yield structure, name, TactileServo(*given)

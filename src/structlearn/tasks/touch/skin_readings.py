@@ -11,11 +11,12 @@ import pandas as pd
 
 from structlearn.networks.torch_settings import as_tensor
 from structlearn.readers.user_tables import TouchLog
-from structlearn.tactile.electrodes import map_laying
+from structlearn.tactile.electrodes import align_map
 from structlearn.tactile.latent_models import TrainedTouch
 from structlearn.tactile.latent_training import Pairs
 from structlearn.tactile.pressed_skin import PLANE, PressedSkin
 from structlearn.tactile.touch_dataset import TouchUnits
+from structlearn.tasks.touch.parameters import DEGREE
 from structlearn.tasks.touch.skin_touches import NEVER_VARIES, Touches, learn_skin
 from structlearn.tasks.touch.touch_names import COMPONENTS, NEW_BLOCKS, NEW_RUN, PLAIN, PROCESS, STRUCTURED
 
@@ -38,7 +39,7 @@ class Reading:
     place: np.ndarray  # (N, 2) m, by regression
     depth: np.ndarray | float  # (N,) m, height of the probe, by regression
     seed: int = 0
-    laid: np.ndarray | float = np.nan  # (N, 2) m, the map, rotated and shifted onto the plate
+    aligned: np.ndarray | float = np.nan  # (N, 2) m, the map, rotated and shifted onto the plate
     pressure: np.ndarray | float = np.nan  # (N,), the third latent number
     decoded: np.ndarray | float = np.nan  # (N, E) signals in the networks' units, from the coordinates
 
@@ -52,22 +53,22 @@ def place_errors(
     recording; the test recording, or the number of the fold.
 
     Returns:
-        `block_scores` with the names of both recordings, `learned_from` and `asked_about`, and `new`
-        (`NEW_BLOCKS` or `NEW_RUN`). Positions of the touches: `x_m`, `y_m`, `z_m`; in the map laid onto the
-        plate: `map_x_m`, `map_y_m`; `pressure`, and the names of the recordings.
+        `block_scores` with the names of both recordings, `learned_from` and `test_run`, and `new`
+        (`NEW_BLOCKS` or `NEW_RUN`). Positions of the touches: `x_m`, `y_m`, `z_m`; in the map aligned
+        with the plate: `map_x_m`, `map_y_m`; `pressure`, and the names of the recordings.
     """
     learned, run, other = work
     if isinstance(other, Touches):
-        new, training, asked = NEW_RUN, np.arange(len(run.counts)), np.arange(len(other.counts))
+        new, training, tested = NEW_RUN, np.arange(len(run.counts)), np.arange(len(other.counts))
     else:
         left_out, other, new = run.blocks()[1] == other, run, NEW_BLOCKS
-        training, asked = np.flatnonzero(~left_out), np.flatnonzero(left_out)
+        training, tested = np.flatnonzero(~left_out), np.flatnonzero(left_out)
     learned = learned or learn_skin(run, np.isin(np.arange(len(run.counts)), training), with_dynamics=False)
-    found = readings(learned, (run, training), other.skin(asked))
-    names = {"learned_from": run.name, "asked_about": other.name}
-    table = block_scores(found, learned.units, (other, asked))
-    lies = pd.DataFrame(other.place[asked], columns=["x_m", "y_m", "z_m"], dtype=float)
-    lies[["map_x_m", "map_y_m"]] = found[0].laid
+    found = readings(learned, (run, training), other.skin(tested))
+    names = {"learned_from": run.name, "test_run": other.name}
+    table = block_scores(found, learned.units, (other, tested))
+    lies = pd.DataFrame(other.place[tested], columns=["x_m", "y_m", "z_m"], dtype=float)
+    lies[["map_x_m", "map_y_m"]] = found[0].aligned
     return table.assign(**names, new=new), lies.assign(pressure=found[0].pressure, **names)
 
 
@@ -134,14 +135,14 @@ SEEN_OVER_TIME: dict[str, Callable[[TouchLog], np.ndarray]] = {
 }
 
 
-def readings(learned: TrainedTouch, known: tuple[Touches, np.ndarray], asked: PressedSkin) -> list[Reading]:
+def readings(learned: TrainedTouch, known: tuple[Touches, np.ndarray], tested: PressedSkin) -> list[Reading]:
     """Estimates of touches by all models, from training touches (a recording and its rows).
 
     Place and depth are polynomials of latent coordinates; place is one of the map alone, if there is a map.
     Baselines have no map: their coordinates are scaled to best fit the distances between training touches.
     """
     run, rows = known
-    training, parameters, degree = run.skin(rows), run.parameters, run.parameters.degree
+    training, parameters = run.skin(rows), run.parameters
     pairs = run.pairs(rows, parameters.spaces.evaluation_pairs, np.random.default_rng(0))
     spaces, units, wanted = learned.models, learned.units, training.place
 
@@ -149,7 +150,7 @@ def readings(learned: TrainedTouch, known: tuple[Touches, np.ndarray], asked: Pr
         """Reading from latent states (N, 3) of a space without a map."""
         apart = np.linalg.norm(known[pairs.first] - known[pairs.second], axis=1)
         scale = float(apart @ pairs.distance / (apart @ apart))
-        read = polynomial(known, wanted, degree)(new)
+        read = polynomial(known, wanted, DEGREE)(new)
         return Reading(model, scale * new, read[:, :PLANE], read[:, PLANE])
 
     def map_of(known: np.ndarray, new: np.ndarray) -> Reading:
@@ -159,13 +160,13 @@ def readings(learned: TrainedTouch, known: tuple[Touches, np.ndarray], asked: Pr
         return Reading(
             STRUCTURED,
             coordinates=flat,
-            place=polynomial(known[:, :PLANE], plane, degree)(new[:, :PLANE]),
-            depth=polynomial(known, wanted[:, PLANE:], degree)(new)[:, 0],
-            laid=map_laying(length * known[:, :PLANE], plane)(flat),
+            place=polynomial(known[:, :PLANE], plane, DEGREE)(new[:, :PLANE]),
+            depth=polynomial(known, wanted[:, PLANE:], DEGREE)(new)[:, 0],
+            aligned=align_map(length * known[:, :PLANE], plane)(flat),
             pressure=new[:, PLANE],
         )
 
-    seen, new = (units.signals(skin.signals) for skin in (training, asked))
+    seen, new = (units.signals(skin.signals) for skin in (training, tested))
     inputs = (as_tensor(signals).T.expand(len(spaces), -1, -1) for signals in (seen, new))
     states = [spaces.autoencoders.encoder.forward(its).transpose(1, 2).double().numpy() for its in inputs]
     decoded = spaces.autoencoders.decoder.forward(as_tensor(states[1]).transpose(1, 2)).transpose(1, 2)
@@ -235,9 +236,9 @@ def block_scores(
         `laid_mm`, `latent_mm`: median distance from the true place of the map, and of the place read.
     """
     run, rows = about
-    asked, pairs, block = run.skin(rows), _asked_pairs(run, rows), run.blocks()[0][rows]
-    place, depth = asked.place[:, :PLANE], asked.place[:, PLANE]
-    pressure, signals = units.pressure(asked.pressure), units.signals(asked.signals)
+    tested, pairs, block = run.skin(rows), _test_pairs(run, rows), run.blocks()[0][rows]
+    place, depth = tested.place[:, :PLANE], tested.place[:, PLANE]
+    pressure, signals = units.pressure(tested.pressure), units.signals(tested.signals)
     depths = np.var(depth) if np.std(depth) > NEVER_VARIES else np.nan
     tables = []
     for one in found:
@@ -250,7 +251,7 @@ def block_scores(
             "signal_nmse": decoded.mean(axis=1),
             "worst_nmse": decoded[:, np.argmax(decoded.mean(axis=0))],
             "depth_nmse": (one.depth - depth) ** 2 / depths,
-            "laid_mm": 1e3 * np.linalg.norm(one.laid - place, axis=1),
+            "laid_mm": 1e3 * np.linalg.norm(one.aligned - place, axis=1),
             "latent_mm": 1e3 * np.linalg.norm(one.place - place, axis=1),
         }
         by_block = pd.DataFrame(errors).groupby(block).agg(BY_BLOCK).rename_axis("block")
@@ -259,7 +260,7 @@ def block_scores(
     return pd.concat(tables, ignore_index=True)
 
 
-def _asked_pairs(run: Touches, rows: np.ndarray) -> Pairs:
+def _test_pairs(run: Touches, rows: np.ndarray) -> Pairs:
     """Pairs of test touches; on a plate each touch is the first of equally many pairs."""
     spaces, count = run.parameters.spaces, len(rows)
     rng, each = np.random.default_rng(spaces.training.seed), max(spaces.evaluation_pairs // count, 1)

@@ -7,16 +7,17 @@ import pandas as pd
 from matplotlib.figure import Figure
 
 from structlearn.palette import BLACK, BLUE, GREY, LIGHT_GREY, ORANGE, Look
-from structlearn.reporting.claims import Evidence, mean, unknown
 from structlearn.reporting.document import Table
+from structlearn.reporting.evidence import Evidence, mean, unknown
 from structlearn.reporting.figure_style import Drawing, Raster, legend, map_panels, panel, styled
 from structlearn.reporting.findings import Findings
 from structlearn.reporting.prose import listing
 from structlearn.tasks.section import Section
 from structlearn.tasks.task_files import TaskFiles
+from structlearn.tasks.touch.parameters import DEGREE, PublishedErrors, TouchParameters
 from structlearn.tasks.touch.touch_names import (
+    ADAPTIVE,
     COMPONENTS,
-    CORRECTED,
     FORCE_MODELS,
     NEW_BLOCKS,
     NEW_PRESSES,
@@ -30,7 +31,6 @@ from structlearn.tasks.touch.touch_names import (
     STRUCTURED,
     shown_map,
 )
-from structlearn.tasks.touch.touch_parameters import PublishedParameters, TouchParameters
 
 Tables = Mapping[str, pd.DataFrame]
 
@@ -47,7 +47,7 @@ ERRORS = {
 HEADINGS = ERRORS | {
     "new": "what is new",
     "learned_from": "learned from",
-    "asked_about": "tested on",
+    "test_run": "tested on",
     "left_mm": "left (mm)",
     "length_ratio": "path length over the straight path",
     "rms_n": "RMS, mean over presses (N)",
@@ -59,7 +59,7 @@ HEADINGS = ERRORS | {
 # values of `quantity` in `skin_readings.within_runs`
 QUANTITIES = {"place_mm": "place (mm)", "force_n": "normal force (N)", "shear_n": "shear force (N)"}
 HEADLINES = ("map_nmse", "latent_mm", "laid_mm", "laid_cross_run_mm", "force_n", "servo_success")
-KEYS = ["learned_from", "asked_about"]
+KEYS = ["learned_from", "test_run"]
 ARROW = "\N{RIGHTWARDS ARROW}"
 MISSING = "no runs for it are recorded here"
 
@@ -126,7 +126,7 @@ class SkinRuns:
         """Rms force error (N) by press."""
         return self.values("force", "rms_n", "press", new=new, model=model)
 
-    def trials(self, value: str, model: str, controllers: tuple[str, ...] = (CORRECTED,)) -> pd.Series:
+    def trials(self, value: str, model: str, controllers: tuple[str, ...] = (ADAPTIVE,)) -> pd.Series:
         """Means of a column of `servo` over controllers, by trial."""
         return self.values("servo", value, "trial", model=model, controller=controllers)
 
@@ -141,11 +141,9 @@ def of_mean(samples: pd.Series) -> Evidence:
     return mean(samples.to_numpy(float)) if len(samples) else unknown(MISSING)
 
 
-def section(files: TaskFiles) -> Section | None:
+def section(files: TaskFiles) -> Section:
     """Section of a task whose touches are of a skin at known places."""
     parameters = files.entry(TouchParameters)
-    if parameters.over_time:
-        return None
     runs = SkinRuns(files.tables("touch"), parameters.tuned_on)
     find, origin = find_skin(runs), {"folder": files.folder / "touch", "origins": files.origins()}
     return Section(
@@ -172,7 +170,7 @@ def find_skin(runs: SkinRuns) -> Findings:
     rows["force_new_presses_n"] = runs.force(NEW_PRESSES)
     rows["force_n_process"] = runs.force(NEW_RUN, PROCESS)
     rows["force_n_pressure"] = runs.force(NEW_RUN, PRESSURE)
-    for name, controllers in (("servo_structure", PUBLISHED_SERVO), ("servo_structure_ours", (CORRECTED,))):
+    for name, controllers in (("servo_structure", PUBLISHED_SERVO), ("servo_structure_ours", (ADAPTIVE,))):
         ours, rival = (runs.trials("arrived", model, controllers) for model in (STRUCTURED, PLAIN))
         rows[name] = (ours - rival).dropna()
     rows["servo_success"] = runs.trials("arrived", STRUCTURED)
@@ -193,7 +191,7 @@ def find_skin(runs: SkinRuns) -> Findings:
     return find
 
 
-def skin_tables(runs: SkinRuns, published: PublishedParameters | None) -> dict[str, Table]:
+def skin_tables(runs: SkinRuns, published: PublishedErrors | None) -> dict[str, Table]:
     """Errors by model, those published, trials of servoing, forces, lags, recordings."""
     tables, keys = {}, ["new", *KEYS, "model"]
 
@@ -240,6 +238,7 @@ def skin_facts(runs: SkinRuns, find: Findings, parameters: TouchParameters) -> d
         "depth_runs": "no run",
         "tuned": listing((runs.numbers.get(name, name) for name in runs.tuned_on), ""),
         "judged": "map_nmse" in find.numbers(),
+        "degree": DEGREE,
         "there": set(runs.tables),
         "settings": parameters,
     }
@@ -261,9 +260,9 @@ def skin_pictures(runs: SkinRuns) -> dict[str, Drawing | Sequence[Drawing]]:
     """Figures by name, as far as there are data for them."""
     drawn: dict[str, Drawing | Sequence[Drawing]] = {}
     if "errors" in runs.tables:
-        drawn = {"skin_map": skin_map(runs), "skin_errors": errors_panel(runs)}
+        drawn = {"skin_map": skin_map(runs), "skin_errors": map_error_panels(runs)}
     if "paths" in runs.tables:
-        drawn["skin_paths"] = paths_panel(runs)
+        drawn["skin_paths"] = servo_panels(runs)
     if "traces" in runs.tables:
         drawn["skin_force"] = force_panel(runs)
     return drawn
@@ -276,13 +275,13 @@ def skin_map(runs: SkinRuns) -> list[Raster]:
         extent = 0.1e3 * np.ptp(maps[["x_m", "y_m"]], axis=0).max()
         return map_panels(maps, ("Where touches were", "Positions in the map"), 4.4, extent)
     maps = shown_map(runs.tables["maps"], runs.tuned_on)
-    learned, asked = (runs.numbers[maps[column].iloc[0]] for column in KEYS)
-    titles = f"The skin: where {asked} pressed it", f"Its map, learned from {learned}"
+    learned, tested = (runs.numbers[maps[column].iloc[0]] for column in KEYS)
+    titles = f"The skin: where {tested} pressed it", f"Its map, learned from {learned}"
     return map_panels(maps, titles, 4.6, 2.5)
 
 
 @styled
-def errors_panel(runs: SkinRuns) -> list[Figure]:
+def map_error_panels(runs: SkinRuns) -> list[Figure]:
     """Map error and place error of all models, on blocks held out and on other runs."""
     cases = {"blocks held out": NEW_BLOCKS} | ({"other run": NEW_RUN} if "maps" in runs.tables else {})
     figures, apart = [], len(SPACES) + 1
@@ -308,16 +307,16 @@ def errors_panel(runs: SkinRuns) -> list[Figure]:
 
 
 @styled
-def paths_panel(runs: SkinRuns) -> list[Figure]:
+def servo_panels(runs: SkinRuns) -> list[Figure]:
     """Paths of the probe from press to press, a panel per training run."""
     figures = []
     for (first, second), its in runs.pairs("paths"):
         title = f"Servoing, {first} {ARROW} {second}"
         figure, axes = panel(title, 4.4, xlabel="x (mm)", ylabel="y (mm)", aspect="equal")
         middle = 0.5e3 * (its[["x_m", "y_m"]].min() + its[["x_m", "y_m"]].max()).to_numpy()
-        for _, way in its[its["trial"] < PATHS].groupby("trial"):
-            path = 1e3 * way.sort_values("step")[["x_m", "y_m"]].to_numpy() - middle
-            target = 1e3 * way[["target_x_m", "target_y_m"]].to_numpy()[0] - middle
+        for _, steps in its[its["trial"] < PATHS].groupby("trial"):
+            path = 1e3 * steps.sort_values("step")[["x_m", "y_m"]].to_numpy() - middle
+            target = 1e3 * steps[["target_x_m", "target_y_m"]].to_numpy()[0] - middle
             axes.plot(*np.array([path[0], target]).T, color=LIGHT_GREY, linewidth=0.9)
             axes.plot(*path.T, color=BLUE, linewidth=1.0)
             axes.plot(*path[0], "o", color=GREY, markersize=3.0)

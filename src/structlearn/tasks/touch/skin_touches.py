@@ -17,7 +17,7 @@ from structlearn.tactile.latent_models import TrainedTouch
 from structlearn.tactile.latent_training import Pairs, draw_pairs, latent_data, learn_from
 from structlearn.tactile.pressed_skin import PLANE, PressedSkin, drifted, held_out, plate_pairs, seen, walks
 from structlearn.tactile.touch_dataset import TEST, TRAIN, Chains, touch_units
-from structlearn.tasks.touch.touch_parameters import TouchParameters
+from structlearn.tasks.touch.parameters import TouchParameters
 
 TOGETHER = "latent"  # name of the models learned from all recordings together
 WALKS = 200  # chains that set the unit of velocity where no dynamics are learned

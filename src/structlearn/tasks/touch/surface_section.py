@@ -6,16 +6,14 @@ import numpy as np
 import pandas as pd
 from matplotlib.figure import Figure
 
-from structlearn.readers.slide import material_of
-from structlearn.reporting.claims import Evidence, confidence, geometric_mean, in_words, unknown
+from structlearn.reporting.evidence import Evidence, confidence, geometric_mean, in_words, unknown
 from structlearn.reporting.figure_style import legend, panel, styled
 from structlearn.reporting.findings import Findings
 from structlearn.reporting.prose import listing
 from structlearn.tasks.section import Section
 from structlearn.tasks.shown_tables import shown
 from structlearn.tasks.task_files import TaskFiles
-from structlearn.tasks.touch.touch_names import SLIDE_GROUPS
-from structlearn.tasks.touch.touch_parameters import TouchParameters
+from structlearn.tasks.touch.touch_names import SLIDE_GROUPS, material_of
 
 Tables = Mapping[str, pd.DataFrame]
 
@@ -26,10 +24,8 @@ STREAM_UNITS = {"pose": "m", "joint_positions": "rad", "joint_velocities": "rad/
 STREAM_UNITS |= {"joint_torques": "N m", "wrench": "N, N m", "tactile": "counts"}
 
 
-def section(files: TaskFiles) -> Section | None:
+def section(files: TaskFiles) -> Section:
     """Section of a task with slides, from the tables of `surface_traces.learn_surfaces`."""
-    if files.entry(TouchParameters).surfaces is None:
-        return None
     tables = files.tables("touch")
     find, clock = find_surfaces(tables), tables["clock_errors"]
     rms = tables["deviations"].groupby("group", sort=False)["rms"]

@@ -11,8 +11,8 @@ from structlearn.primitives.vector import VectorPrimitive, deviation, fit_expect
 from structlearn.readers import synchronise
 from structlearn.readers.clock import held_out_error
 from structlearn.readers.demonstration import Demonstration, Recording
-from structlearn.readers.slide import material_of
-from structlearn.tasks.touch.touch_parameters import SurfaceParameters
+from structlearn.tasks.touch.parameters import SurfaceParameters
+from structlearn.tasks.touch.touch_names import material_of
 
 # first and last electrode of each part of a BioTac's core (see `tactile.electrodes`)
 PLACES = {"side, 1 to 6": (1, 6), "tip, 7 to 10": (7, 10)}
@@ -23,7 +23,7 @@ def learn_surfaces(
     recordings: Sequence[Recording], parameters: SurfaceParameters
 ) -> tuple[VectorPrimitive, dict[str, pd.DataFrame]]:
     """Learn expected traces and score every trial: the traces, and tables by name, see the functions."""
-    trials = on_one_clock(recordings, parameters)
+    trials = slides_on_clock(recordings, parameters)
     left_one_out, channels = leave_one_out(trials, parameters)
     expected, deviations, statistics = deviations_from_expected(trials, parameters)
     return expected, {
@@ -36,7 +36,7 @@ def learn_surfaces(
     }
 
 
-def on_one_clock(recordings: Sequence[Recording], parameters: SurfaceParameters) -> list[Demonstration]:
+def slides_on_clock(recordings: Sequence[Recording], parameters: SurfaceParameters) -> list[Demonstration]:
     """Trials at the electrodes' rate."""
     return [synchronise(one, parameters.rate_hz, parameters.max_gap_s) for one in recordings]
 

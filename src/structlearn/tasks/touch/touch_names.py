@@ -32,7 +32,7 @@ OWN_UNITS = "new material, standardised by itself"
 
 # controllers: the dissertation's, and ours that rests where it is and corrects its model
 PUBLISHED_SERVO: tuple[Literal["LL", "NG", "NJ"], ...] = ("LL", "NG", "NJ")
-CORRECTED = "NJ, corrected"
+ADAPTIVE = "NJ, adaptive"
 
 # sets of touches; `MAGNITUDES` are only the sizes of the changes, as published for the slides
 SLIDES, UNSCREWING, SCRAPING, SIMULATED = "slides", "unscrewing", "scraping", "simulated"
@@ -40,7 +40,7 @@ MAGNITUDES = "simulated, magnitudes"
 # training set: the other set that it is tested on
 PARTNERS = {SLIDES: MAGNITUDES, MAGNITUDES: SLIDES, UNSCREWING: SIMULATED, SIMULATED: UNSCREWING}
 # training set, test set and what is new in the test set, in the order of tables
-ASKED = (
+TESTS = (
     (SLIDES, SLIDES, NEW_TRIALS),
     (SLIDES, SLIDES, NEW_MATERIAL),
     (SLIDES, SLIDES, OWN_UNITS),
@@ -63,14 +63,19 @@ REFERENCE, CALIBRATED = "scraping, recorded", "scraping, simulated"
 WORLDS = {REFERENCE: BLACK, CALIBRATED: ORANGE, "unscrewing, recorded": PINK, "slides, recorded": GREEN}
 
 
+def material_of(trial: str) -> str:
+    """Material of a trial, e.g. `mat9` for `mat9_1`."""
+    return trial.rpartition("_")[0]
+
+
 def shown_map(maps: pd.DataFrame, tuned_on: Sequence[str]) -> pd.DataFrame:
     """Map of the skin to show: the first tested on a run not used for tuning."""
-    untouched = maps[~maps["asked_about"].isin(tuned_on)]
+    untouched = maps[~maps["test_run"].isin(tuned_on)]
     maps = untouched if len(untouched) else maps
     return of_pair(maps, maps)
 
 
 def of_pair(table: pd.DataFrame, first: pd.DataFrame) -> pd.DataFrame:
     """Rows of a table whose training and test run are those of the first row of `first`."""
-    keys = ["learned_from", "asked_about"]
+    keys = ["learned_from", "test_run"]
     return table[(table[keys] == first[keys].iloc[0]).all(axis=1)]

@@ -1,0 +1,1 @@
+"""The reproduction of the dissertation: simulated testbeds, public recordings and the evidence of both."""

@@ -1,0 +1,250 @@
+"""Figures of the dynamics page, one panel at a time, in the colours and line styles of `names`."""
+
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+import numpy as np
+import pandas as pd
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+from matplotlib.lines import Line2D
+
+from dissertation.dynamics.names import (
+    FORM_TITLES,
+    IDEAL,
+    LOSS_TITLES,
+    REACH,
+    REFERENCE,
+    ROBOT,
+    ROBOT_TITLES,
+    SHOWN_TRAINING,
+    colour,
+    look,
+)
+from dissertation.dynamics.page.findings import DynamicsResults
+from dissertation.dynamics.protocol.tracking import TrackedReach, tracked_reaches
+from dissertation.dynamics.protocol.trainings import OURS, PUBLISHED
+from dissertation.dynamics.world.arm_motion import SineParameters, sine_path
+from dissertation.simulation.still import View, still
+from structlearn.palette import BLACK, GREY
+from structlearn.reporting.figure_style import PANEL_WIDTH, Drawing, Raster, canvas, styled
+from structlearn.rigid_body.model_names import COULOMB, DEFAULT, GROUND_TRUTH, NAMES, model_name
+from structlearn.rigid_body.tree import KinematicTree
+
+HIGHEST_NMSE = 1e6  # upper axis limit for diverged models
+
+EPOCH_TICKS = (0, 1, 2, 5, 10, 20, 40, 64)
+
+SHOWN_REACHES = {
+    IDEAL: (GROUND_TRUTH, "mlp", "delan", "nostr", "cov"),
+    ROBOT: (DEFAULT, "mlp", "delan", "nostr", "cov"),
+}
+"""Models whose reaches are drawn, by robot."""
+
+FORM_MARKERS = {PUBLISHED: "o", OURS: "s"}
+MARKERS = {"nostr": "x", "symm": "+", "spd": "s", "tri": "^", "cov": "o"}
+SHOWN_JOINTS = (1, 2, 4, 6)  # joints whose friction is drawn: large and small ones
+WIDE: dict[str, Any] = {"color": REFERENCE, "linewidth": 4.0}  # references
+
+VIEW = View(target=(0.0, 0.0, 0.6), distance=2.45, yaw_deg=50.0, pitch_deg=-16.0)
+
+SHOWN_AT = (0.708, 0.146, 0.925)  # fractions of the motion at which all joints are bent, for the still
+COLUMNS = slice(235, 785)  # pixel columns kept of each image: the arm with a narrow margin
+
+
+def legend_above(figure: Figure, axes: Axes, columns: int = 6) -> None:
+    """Add one legend above the whole figure, with the labels of one of its axes."""
+    handles, labels = axes.get_legend_handles_labels()
+    figure.legend(handles, labels, loc="outside upper left", ncols=columns, columnspacing=1.6)
+
+
+@styled
+def drawings(results: DynamicsResults) -> Mapping[str, Sequence[Drawing]]:
+    """All figures of the page except the still, keyed by name."""
+    errors = results.errors
+    errors = errors[errors["arm"] == IDEAL]
+    curves = errors.groupby(["form", "model", "seed", "epoch"], sort=False)["nmse"].mean().reset_index()
+    robots = [robot for robot in ROBOT_TITLES if results.tracked(robot)]
+    tables = results.paths, results.scores
+    reaches = {
+        ROBOT_TITLES[robot]: tracked_reaches(*tables, robot, SHOWN_TRAINING, SHOWN_REACHES[robot])
+        for robot in robots
+    }
+    return {
+        "training": [_training(results, curves, form) for form in FORM_TITLES],
+        "tracking": [_tracking(results, robot) for robot in robots],
+        "reaches": [draw(its, title) for draw in (_off, _speeds) for title, its in reaches.items()],
+        "online": [
+            _curves(results, results.online_curves, "batch", "loss", loss, LOSS_TITLES[loss])
+            for loss in results.chosen["online"].losses
+        ],
+        "bodies": [
+            _bodies(results.base, "value", "truth", "Base parameters (kg m², kg m)"),
+            _bodies(results.links, "mass_kg", "true_mass_kg", "Masses of the links (kg)"),
+        ],
+        "friction": [
+            Raster(_friction(joint, its))
+            for joint, its in results.residuals.groupby("joint")
+            if joint in SHOWN_JOINTS
+        ],
+        "payload": [_payload(results), _payload_errors(results)],
+    }
+
+
+def arm_still(urdf: str, tree: KinematicTree, motion: SineParameters) -> np.ndarray:
+    """Image (H, W, 3) uint8 of a URDF's arm in several poses of its sine motion, side by side."""
+    path = sine_path(tree, motion).position
+    poses = (path[int(share * len(path))] for share in SHOWN_AT)
+    return np.hstack([still(VIEW, urdf=urdf, angles=pose)[:, COLUMNS] for pose in poses])
+
+
+def _curves(
+    results: DynamicsResults, curves: pd.DataFrame, step: str, column: str, value: str, title: str
+) -> Figure:
+    """Geometric mean over seeds of each model's NMSE (mean over joints), with the range over seeds."""
+    figure, panel = _panel(3.3, title, step, "NMSE, mean over joints")
+    for model in results.kinds:
+        its = curves[(curves[column] == value) & (curves["model"] == model)]
+        if its.empty:
+            continue
+        wide = np.log10(its.pivot_table(index=step, columns="seed", values="nmse")).ffill()
+        panel.plot(wide.index, 10.0 ** wide.mean(axis=1), label=NAMES[model], **look(model))
+        low, high = 10.0 ** wide.min(axis=1), 10.0 ** wide.max(axis=1)
+        panel.fill_between(wide.index, low, high, color=colour(model), alpha=0.12, linewidth=0)
+    highest = curves["nmse"].max()  # over all panels, which share one scale
+    panel.set(yscale="log", ylim=(0.5 * curves["nmse"].min(), min(2.0 * highest, HIGHEST_NMSE)))
+    legend_above(figure, panel, columns=4)
+    return figure
+
+
+def _training(results: DynamicsResults, curves: pd.DataFrame, form: str) -> Figure:
+    """NMSE over the training epochs in simulation."""
+    figure = _curves(results, curves, "epoch", "form", form, FORM_TITLES[form])
+    (panel,) = figure.axes
+    panel.axhline(
+        results.chosen["train_dynamics"].learning.threshold, color=BLACK, linestyle="--", linewidth=0.9
+    )
+    panel.set_xscale("symlog", linthresh=1.0)
+    panel.set_xticks(EPOCH_TICKS, [str(tick) for tick in EPOCH_TICKS])
+    panel.minorticks_off()
+    panel.set_xlim(0, curves["epoch"].max())
+    return figure
+
+
+def _tracking(results: DynamicsResults, robot: str) -> Figure:
+    """NMSE of the tool velocity in reaches, one mark per seed or robot; hollow marks: stopped runs."""
+    figure, panel = _panel(3.6, ROBOT_TITLES[robot], "NMSE of the tool's velocity in reaches", "")
+    models = results.tracked(robot)
+    for row, model in enumerate(models):
+        known = model in (GROUND_TRUTH, DEFAULT)
+        for form, marker in FORM_MARKERS.items():
+            if known and form == OURS:
+                continue
+            runs = results.runs(robot, model, REACH, form)
+            middle = 0.0 if known else -0.17 if form == PUBLISHED else 0.17
+            offsets = middle + np.linspace(-0.1, 0.1, len(runs))
+            for offset, run in zip(offsets, runs.itertuples(), strict=True):
+                fill = "none" if run.stopped else "full"
+                panel.plot(
+                    run.velocity_nmse, row + offset, marker, color=colour(model), fillstyle=fill, markersize=4
+                )
+    panel.set_yticks(range(len(models)), [model_name(model) for model in models])
+    panel.set_xscale("log")
+    panel.invert_yaxis()
+    panel.grid(axis="y", visible=False)
+    mark: dict[str, Any] = {"markersize": 4, "linestyle": "", "color": BLACK}
+    handles = [
+        Line2D([], [], label=FORM_TITLES[form], marker=marker, **mark)
+        for form, marker in FORM_MARKERS.items()
+    ]
+    handles.append(Line2D([], [], label="stopped", marker="o", fillstyle="none", **mark))
+    figure.legend(handles=handles, loc="outside upper left", ncols=3)
+    return figure
+
+
+def _off(reaches: Sequence[TrackedReach], title: str) -> Figure:
+    """Distance of the tool from its reference over time."""
+    figure, panel = _panel(2.4, title, "time (s)", "tool error (mm)")
+    for reach in reaches:
+        panel.plot(reach.time, np.maximum(reach.off_mm, 1e-2), label=reach.label, **look(reach.model))
+    panel.set(yscale="log", ylim=(8e-3, 3e3))
+    legend_above(figure, panel, columns=5)
+    return figure
+
+
+def _speeds(reaches: Sequence[TrackedReach], title: str) -> Figure:
+    """Speed of the tool and of its reference over time."""
+    figure, panel = _panel(2.2, title, "time (s)", "speed of the tool (m/s)")
+    wanted = reaches[0].speeds[1]
+    panel.plot(reaches[0].time, wanted, label="wanted", **WIDE)
+    for reach in reaches:
+        panel.plot(reach.time, reach.speeds[0], **look(reach.model))
+    panel.set_ylim(0.0, 2.0 * wanted.max())
+    legend_above(figure, panel)
+    return figure
+
+
+def _bodies(table: pd.DataFrame, learned: str, true: str, title: str) -> Figure:
+    """Learned against true inertial parameters for each structure, first seed."""
+    figure, panel = _panel(3.3, title, "of the arm", "learned")
+    first = table["seed"] == table["seed"].min()
+    its = table[(table["form"] == PUBLISHED) & first].set_index("model")
+    for model, marker in MARKERS.items():
+        rows = its[its.index == model]
+        marked: dict[str, Any] = {"marker": marker, "fillstyle": "none", "linestyle": "", "markersize": 5}
+        panel.plot(rows[true], rows[learned], color=colour(model), label=NAMES[model], **marked)
+    ends = [table[true].min(), table[true].max()]
+    panel.plot(ends, ends, color=GREY, linewidth=0.9, zorder=0)
+    if learned == "value":  # from 0.001 to 10 of either sign
+        panel.set_xscale("symlog", linthresh=0.01, linscale=0.6)
+        panel.set_yscale("symlog", linthresh=0.01, linscale=0.6)
+    legend_above(figure, panel)
+    return figure
+
+
+def _friction(joint: int, residuals: pd.DataFrame) -> Figure:
+    """Torque residuals of the rigid-body model over the joint's speed, with the learned friction."""
+    figure, panel = _panel(2.2, f"Joint {joint}", "speed (rad/s)", "torque (N m)")
+    its = residuals.sort_values("velocity_rad_s")
+    speed, measured = its["velocity_rad_s"], its["residual_n_m"]
+    panel.plot(speed, measured, ".", color=GREY, markersize=3.0, alpha=0.4, label="measured")
+    learned, label = colour(f"cov{COULOMB}"), "learned: viscous and Coulomb"
+    panel.plot(speed, its["friction_n_m"], color=learned, linewidth=2.0, label=label)
+    limit = 1.3 * measured.abs().quantile(0.995)
+    panel.set_ylim(-limit, limit)
+    legend_above(figure, panel)
+    return figure
+
+
+def _payload(results: DynamicsResults) -> Figure:
+    """Learned mass and first moment of a payload relative to the truth, one thin line per robot."""
+    payload, carried = results.payload, results.chosen["record_motion"].payload
+    figure, panel = _panel(2.5, "Learned payload", "time (s)", "share of the truth")
+    truth = carried.mass_kg * np.linalg.norm(carried.point_m)
+    time = payload["time_s"].drop_duplicates()
+    panel.plot(time, np.where(time < results.pick_up_s, 0.0, 1.0), label="carried", **WIDE)
+    for place, (_, its) in enumerate(payload.groupby("seed")):
+        moment = np.linalg.norm(its[[f"moment_{axis}_kg_m" for axis in "xyz"]], axis=1)
+        thin: dict[str, Any] = {"color": colour("cov"), "linewidth": 0.9}
+        label = ("mass", "first moment") if place == 0 else (None, None)
+        panel.plot(its["time_s"], its["mass_kg"] / carried.mass_kg, label=label[0], **thin)
+        panel.plot(its["time_s"], moment / truth, linestyle=":", label=label[1], **thin)
+    panel.set_ylim(-0.1, 1.6)
+    legend_above(figure, panel)
+    return figure
+
+
+def _payload_errors(results: DynamicsResults) -> Figure:
+    """Torque errors on batches not yet learned from, mean over robots."""
+    payload = results.payload.groupby("time_s")[["nmse_fixed", "nmse_learned"]].mean()
+    figure, panel = _panel(2.5, "Torques of the next batch", "time (s)", "NMSE, mean over robots")
+    panel.plot(payload.index, payload["nmse_fixed"], label="model of the empty arm", **look(GROUND_TRUTH))
+    panel.plot(payload.index, payload["nmse_learned"], label="learned online", **look("cov"))
+    panel.set_yscale("log")
+    legend_above(figure, panel)
+    return figure
+
+
+def _panel(height: float, title: str, x: str, y: str) -> tuple[Figure, Axes]:
+    figure = canvas(height, PANEL_WIDTH)
+    return figure, figure.subplots(subplot_kw={"title": title, "xlabel": x, "ylabel": y})

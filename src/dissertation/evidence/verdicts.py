@@ -1,0 +1,117 @@
+"""Compare the verdicts of two runs: of the working tree and a commit, or of two processors.
+
+    python -m dissertation.evidence.verdicts
+
+Libraries choose kernels by processor, so sums round differently, and results of training and simulation
+diverge. What matters is whether a verdict changes; it may at most become undecided. Rows that quote a study
+are the same on both sides and are counted separately. The command prints one line per row of
+`reports/*/tables/claims.csv` whose verdict differs from the last commit's.
+"""
+
+import subprocess
+import sys
+from collections.abc import Mapping
+from io import StringIO
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+
+from dissertation.evidence.claims import UNDECIDED
+from dissertation.evidence.judged_page import TEMPLATES, JudgedDocument
+from structlearn.reporting.document import Table, render
+
+KEYS = ["testbed", "set", "by", "statement", "case"]
+"""Columns that identify a row; `set` is only filled in tables with several data sets."""
+
+SAME, DIGITS, QUOTED = "same", "other digits", "quoted, not run here"
+MARGIN, FLIPPED = "undecided on one", "another verdict"
+OUTCOMES = (SAME, DIGITS, QUOTED, MARGIN, FLIPPED)
+NO_ROW = "no such row"
+
+
+def compared(here: Mapping[str, pd.DataFrame], there: Mapping[str, pd.DataFrame]) -> pd.DataFrame:
+    """Outer join of claims tables by testbed, from this run and another.
+
+    Returns `KEYS`, `here`, `there` (numbers as text), `verdict_here`, `verdict_there` and `outcome`, one of
+    `OUTCOMES`; a row that only one of them has is `another verdict`.
+    """
+    both = _rows(here, "here").merge(_rows(there, "there"), on=[*KEYS, "again"], how="outer")
+    verdicts = both[["verdict_here", "verdict_there"]]
+    margin = verdicts.eq(UNDECIDED).any(axis=1) & verdicts.notna().all(axis=1)
+    same_verdict = both["verdict_here"] == both["verdict_there"]
+    quoted = same_verdict & (both["study_here"] == both["study_there"]) & (both["study_here"] != "")
+    same = same_verdict & (both["here"] == both["there"])
+    outcomes = [QUOTED, SAME, DIGITS, MARGIN]
+    both["outcome"] = np.select([quoted, same, same_verdict, margin], outcomes, FLIPPED)
+    return both.drop(columns=["again", "study_here", "study_there"])
+
+
+def changes(table: pd.DataFrame) -> list[str]:
+    """One line per row of `compared` whose verdict changed, `yes -> undecided`, with its numbers."""
+    changed = table[table["outcome"].isin([MARGIN, FLIPPED])].astype(object)
+    changed = changed.where(changed.notna(), NO_ROW)
+    return [
+        f"{': '.join(filter(None, (one.testbed, one.set, one.statement, one.case)))}: "
+        f"{one.verdict_here} -> {one.verdict_there} ({one.here} -> {one.there})"
+        for one in changed.itertuples()
+    ]
+
+
+def other_processor_page(table: pd.DataFrame, settings: Mapping[str, str], machine: str) -> str:
+    """Page on `compared` as HTML; `settings`: environment variables that emulate another processor."""
+    counts = {outcome: int((table["outcome"] == outcome).sum()) for outcome in OUTCOMES}
+    table = table.drop(columns=[name for name in ("set", "by") if not table[name].astype(bool).any()])
+    changed = table[table["outcome"].isin([MARGIN, FLIPPED])].drop(columns="outcome").reset_index(drop=True)
+    digits = table[table["outcome"] == DIGITS].drop(columns=["outcome", "verdict_here", "verdict_there"])
+    facts: dict[str, object] = {"counts": counts, "settings": settings, "machine": machine}
+    facts["changed"] = Table(changed, headings={name: name.replace("_", " ") for name in changed})
+    facts["digits"] = Table(digits.reset_index(drop=True))
+    page = JudgedDocument("other_processor.html.jinja", TEMPLATES, facts=facts, simulated=True)
+    return render(page, figures={})
+
+
+def _rows(tables: Mapping[str, pd.DataFrame], name: str) -> pd.DataFrame:
+    """All rows of one side, with columns named for it."""
+    parts = [table.assign(testbed=testbed) for testbed, table in tables.items()]
+    named = [*KEYS, "study"]
+    rows = (pd.concat(parts) if parts else pd.DataFrame()).reindex(columns=[*named, "here", "verdict"])
+    rows = rows.astype(object).fillna(dict.fromkeys(named, ""))
+    rows["again"] = rows.groupby(KEYS).cumcount()  # numbers rows with equal keys
+    return rows.rename(columns={"here": name, "verdict": f"verdict_{name}", "study": f"study_{name}"})
+
+
+TABLES = "reports/*/tables/claims.csv"
+
+
+def main() -> None:
+    """Print the verdicts that changed since the last commit."""
+    try:
+        lines = changes(compared(committed(), written()))
+    except subprocess.CalledProcessError as error:
+        sys.exit(f"error: {error.stderr.strip()}")
+    print(*(lines or ["no verdict changed"]), sep="\n")
+
+
+def written() -> dict[str, pd.DataFrame]:
+    """Claims tables of the working tree, by testbed."""
+    return {path.parts[1]: _table(path.read_text(encoding="utf-8")) for path in sorted(Path().glob(TABLES))}
+
+
+def committed(commit: str = "HEAD") -> dict[str, pd.DataFrame]:
+    """Claims tables of a commit, by testbed. Raises CalledProcessError: there is no such commit."""
+    found = [Path(name) for name in _git("ls-tree", "-r", "--name-only", commit, "reports").splitlines()]
+    tables = [path for path in found if path.match(TABLES)]
+    return {path.parts[1]: _table(_git("show", f"{commit}:./{path.as_posix()}")) for path in tables}
+
+
+def _table(text: str) -> pd.DataFrame:
+    return pd.read_csv(StringIO(text), dtype=str, keep_default_na=False)
+
+
+def _git(*words: str) -> str:
+    return subprocess.run(["git", *words], capture_output=True, text=True, check=True).stdout
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,1 @@
+"""Public recordings: readers, tasks that only they have, and the page over all sets."""

@@ -1,0 +1,1 @@
+"""Representations of the coupling term past obstacles, on published samples."""

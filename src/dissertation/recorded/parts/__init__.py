@@ -1,0 +1,1 @@
+"""Parts of the torque of a simulated arm that writes characters."""

@@ -1,0 +1,1 @@
+"""Sets of touches tried on each other and on simulated touch."""

@@ -1,0 +1,21 @@
+"""Parameters of sets of touches, tried on each other and on simulated touch."""
+
+from pydantic import Field
+
+from structlearn.readers.source_parameters import SourceParameters
+from structlearn.tactile.latent_parameters import GeodesicParameters, LatentSpaceParameters
+
+
+class TransferParameters(SourceParameters):
+    """Latent spaces of sets of touches."""
+
+    kind = __package__
+
+    left_out: tuple[str, ...]
+    simulated_repeats: int = Field(ge=1)
+    folds: int = Field(ge=2)
+    geodesics: GeodesicParameters
+    spaces: LatentSpaceParameters
+
+
+Entry = TransferParameters

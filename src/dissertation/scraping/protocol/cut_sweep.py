@@ -1,0 +1,114 @@
+"""Cut-point errors over the noise of the simulated demonstrator, and effects of down-sampling."""
+
+from collections.abc import Sequence
+from dataclasses import replace
+from functools import partial
+from itertools import chain
+
+import pandas as pd
+from pydantic import Field
+
+from dissertation.scraping.world.demonstrator import (
+    RATE_HZ,
+    DemonstratorParameters,
+    Intention,
+    as_meant,
+    intended_movements,
+)
+from structlearn.core.errors import InputError
+from structlearn.core.parallel import parallel_map
+from structlearn.core.params import Parameters
+from structlearn.readers.clock import synchronise
+from structlearn.readers.demonstration import Demonstration
+from structlearn.segmentation.cut_errors import cut_errors, downsampling_effect
+from structlearn.segmentation.parameters import SegmentParameters
+from structlearn.segmentation.segments import cut
+
+
+class SweepParameters(Parameters):
+    """Sweep over noise and down-sampling."""
+
+    noise_mm: tuple[float, ...] = Field(min_length=1)
+    seeds: int = Field(ge=1, le=1000)
+    first_seed: int = Field(ge=0)
+    downsampling: tuple[int, ...] = Field(min_length=1)
+
+    @property
+    def people(self) -> range:
+        """Seeds of the simulated people."""
+        return range(self.first_seed, self.first_seed + self.seeds)
+
+
+EFFECT = ["factor", "work", "mean_shift_ms", "max_shift_ms", "shift_samples", "shift_samples_published"]
+COLUMNS = ["noise_mm", "seed", "demonstration", "primitive", "method", "start_error_s", "end_error_s"]
+
+
+def noise_sweep(
+    parameters: SweepParameters, simulation: DemonstratorParameters, segmentation: SegmentParameters
+) -> pd.DataFrame:
+    """Cut errors of all methods at every noise level, for people whose movements are the same at every level.
+
+    Returns errors as of `cut_errors`, with `noise_mm` and `seed`. A demonstration that could not be cut has
+    one row with method `left_out`; if the reference could not be cut, all have.
+
+    Raises InputError: the segmentation does not fit the simulated task.
+    """
+    task = len(simulation.durations_s)
+    if (count := len(segmentation.primitives)) != task:
+        raise InputError(f"segment.primitives: names {count}, the simulated task has {task}")
+    tolerant = segmentation.model_copy(update={"skip_failures": True})
+    work = partial(_cut_errors, levels=parameters.noise_mm, simulation=simulation, segmentation=tolerant)
+    by_person = parallel_map(work, parameters.people, "noise sweep")
+    errors = chain.from_iterable(zip(*by_person, strict=True))  # ordered by level
+    return pd.concat(errors, ignore_index=True)
+
+
+def downsampling_sweep(
+    parameters: SweepParameters, simulation: DemonstratorParameters, segmentation: SegmentParameters
+) -> pd.DataFrame:
+    """`cut_errors.downsampling_effect` for every person of the sweep, at the demonstrator's own noise.
+
+    Returns one row per person and factor, with `seed`; none for a person whose reference cannot be cut.
+    """
+    tolerant = segmentation.model_copy(update={"skip_failures": True})
+    factors = parameters.downsampling
+    work = partial(_downsampled, factors=factors, simulation=simulation, segmentation=tolerant)
+    effects = pd.concat(parallel_map(work, parameters.people, "down-sampling"), ignore_index=True)
+    return effects.reindex(columns=["seed", *EFFECT])
+
+
+def _downsampled(
+    seed: int, factors: Sequence[int], simulation: DemonstratorParameters, segmentation: SegmentParameters
+) -> pd.DataFrame:
+    movements = intended_movements(simulation.model_copy(update={"seed": seed}))
+    try:
+        return downsampling_effect(_demonstrated(movements, seed), segmentation, factors).assign(seed=seed)
+    except InputError:
+        return pd.DataFrame()
+
+
+def _cut_errors(
+    seed: int, levels: Sequence[float], simulation: DemonstratorParameters, segmentation: SegmentParameters
+) -> list[pd.DataFrame]:
+    """Errors of one person at each level; the noise scales with the level."""
+    movements = intended_movements(simulation.model_copy(update={"noise_mm": 1.0, "seed": seed}))
+    tables = []
+    for noise in levels:
+        noisy = [
+            replace(one, edge_noise=noise * one.edge_noise, tilt_noise=noise * one.tilt_noise)
+            for one in movements
+        ]
+        demonstrations = _demonstrated(noisy, seed)
+        try:
+            cuts = cut(demonstrations, segmentation)
+            found, left_out = [cut_errors(demonstrations, cuts)], cuts.left_out["demonstration"]
+        except InputError:  # the reference could not be cut, so none can
+            found, left_out = [], [demonstration.name for demonstration in demonstrations]
+        missing = pd.DataFrame({"demonstration": left_out, "method": "left_out"})
+        rows = pd.concat([*found, missing], ignore_index=True).assign(noise_mm=noise, seed=seed)
+        tables.append(rows.reindex(columns=COLUMNS))
+    return tables
+
+
+def _demonstrated(movements: Sequence[Intention], seed: int) -> list[Demonstration]:
+    return [synchronise(as_meant(movement, seed), RATE_HZ) for movement in movements]

@@ -1,0 +1,141 @@
+"""Topic maps: which topic of a bag carries which signal, and how a pose that is not published is computed."""
+
+from collections.abc import Mapping
+from typing import Annotated, ClassVar, Literal
+
+from pydantic import BeforeValidator, Discriminator, Field, PlainSerializer, Tag, model_validator
+
+from structlearn.core.params import Parameters
+
+Role = Literal["pose", "twist", "joint_states", "wrench", "tactile", "tool_to_board", "obstacles"]
+Topic = Annotated[str, Field(min_length=1)]
+Topics = Annotated[
+    tuple[Topic, ...],
+    BeforeValidator(lambda value: (value,) if isinstance(value, str) else value),  # a single topic as a list
+]
+
+JointNames = Annotated[
+    tuple[tuple[str, str], ...],
+    BeforeValidator(lambda value: tuple(value.items()) if isinstance(value, Mapping) else value),
+    PlainSerializer(dict),
+]
+"""Mapping from recorded joint names to those of the URDF, where they differ."""
+
+MAX_FINGERS = 10  # tactile streams in our own files: two hands
+
+
+class TransformPose(Parameters):
+    """Pose of the frame `child` in `parent`, from a chain of transforms on /tf and /tf_static."""
+
+    parent: Topic
+    child: Topic
+    topic: Topic
+
+    @property
+    def topics(self) -> tuple[str, ...]:
+        """Topics of the transforms; the second one is static."""
+        return self.topic, f"{self.topic}_static"
+
+
+class JointPose(Parameters):
+    """Pose of the link `tip` in the root's frame, from joint states by the robot's kinematics."""
+
+    urdf: str = Field(min_length=1)
+    tip: Topic
+    topic: Topic
+    joints: JointNames = ()
+
+    @property
+    def topics(self) -> tuple[str, ...]:
+        """Topics of the joint states."""
+        return (self.topic,)
+
+
+def _pose_form(value: object) -> str:
+    """Intended form of a pose, so that errors are reported for that form alone."""
+    if isinstance(value, JointPose) or (isinstance(value, Mapping) and "urdf" in value):
+        return "joints"
+    return "transforms" if isinstance(value, TransformPose | Mapping) else "topic"
+
+
+Pose = Annotated[
+    Annotated[Topic, Tag("topic")]
+    | Annotated[TransformPose, Tag("transforms")]
+    | Annotated[JointPose, Tag("joints")],
+    Discriminator(_pose_form),
+]
+
+
+class TopicMap(Parameters):
+    """Topics of a demonstration in a robot's bag; each topic has one role."""
+
+    must_exist: ClassVar[bool] = True
+    """Whether a topic given here must be in every file; the pose always must."""
+
+    # end-effector pose, the one signal that every demonstration has: its topic, or how it is computed, maybe
+    # from joint states that are also in `joint_states`
+    pose: Pose
+    twist: Topic | None
+    joint_states: Topics  # usually one topic with positions, velocities and torques; several may share them
+    # names of the joints to read, in this order; None: those of the publisher with the most joints
+    joints: tuple[Topic, ...] | None = Field(min_length=1)
+    wrench: Topic | None
+    tactile: Topics  # one topic per sensor, in the order in which channels are concatenated
+    tool_to_board: Topic | None  # orientation of the tool relative to the board, e.g. from motion capture
+
+    @model_validator(mode="after")
+    def _each_once(self) -> "TopicMap":
+        names = [topic for topic, _ in self.roles()]
+        if repeated := sorted({name for name in names if names.count(name) > 1}):
+            raise ValueError(f"topic named more than once: {', '.join(repeated)}")
+        if self.joints and len(set(self.joints)) < len(self.joints):
+            raise ValueError(f"joint named more than once in: {', '.join(self.joints)}")
+        return self
+
+    @property
+    def topics(self) -> list[str]:
+        """Every topic that has to be read, without duplicates."""
+        of_pose = () if isinstance(self.pose, str) else self.pose.topics
+        return list(dict.fromkeys([*of_pose, *(topic for topic, _ in self.roles())]))
+
+    def roles(self) -> list[tuple[str, Role]]:
+        """Every topic that is itself a signal, with its role, in a fixed order."""
+        pairs: list[tuple[str | None, Role]] = [
+            (self.pose if isinstance(self.pose, str) else None, "pose"),
+            (self.twist, "twist"),
+            *((topic, "joint_states") for topic in self.joint_states),
+            (self.wrench, "wrench"),
+            *((topic, "tactile") for topic in self.tactile),
+            (self.tool_to_board, "tool_to_board"),
+        ]
+        return [(topic, role) for topic, role in pairs if topic is not None]
+
+
+class SceneTopicMap(TopicMap):
+    """Topics of a demonstration with solids at rest around the movement."""
+
+    obstacles: Topic | None
+
+    def roles(self) -> list[tuple[str, Role]]:
+        """Every topic that is itself a signal, with its role, in a fixed order."""
+        return super().roles() + ([(self.obstacles, "obstacles")] if self.obstacles else [])
+
+
+class OptionalTopicMap(SceneTopicMap):
+    """Topics that files have only if the signal was recorded."""
+
+    must_exist: ClassVar[bool] = False
+
+
+OWN_TOPICS = OptionalTopicMap(
+    pose="/pose",
+    twist="/twist",
+    joint_states=("/joint_states/positions", "/joint_states/velocities", "/joint_states/torques"),
+    joints=None,
+    wrench="/wrench",
+    tactile=tuple(f"/tactile/{finger}" for finger in range(MAX_FINGERS)),
+    tool_to_board="/tool_to_board",
+    obstacles="/obstacles",
+)
+"""Topics of the files that this package writes, if recorded. Joint signals have separate topics, since each
+may have its own clock."""

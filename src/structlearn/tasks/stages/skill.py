@@ -1,0 +1,42 @@
+"""Write a task's skill file for a robot: primitives, feedback, bounds and provenance."""
+
+from structlearn.core.artefacts import publish
+from structlearn.core.errors import InputError
+from structlearn.core.params import value_at
+from structlearn.feedback.coupling_targets import sensor_channels
+from structlearn.feedback.skill import ReactiveSkill, demonstrated_limits, demonstrated_workspace
+from structlearn.feedback.skill_file import provenance, write_skill
+from structlearn.tasks.movement.feedback_learning import read_feedback
+from structlearn.tasks.movement.parameters import MovementEntry
+from structlearn.tasks.task_files import SKILL, TaskFiles, leave_out, run_for_task
+
+
+def main(files: TaskFiles) -> None:
+    own, learned = files.entry(MovementEntry), read_feedback(files.folder / "feedback")
+    paths = [one.position for one in files.runs("demonstrations")]
+    workspace = demonstrated_workspace(paths, own.skill.workspace_margin_m)
+    try:
+        skill = ReactiveSkill(files.primitives(), workspace=workspace)
+    except InputError as error:  # a primitive no controller can step, e.g. with a turn beyond half a circle
+        with publish(files.folder / "skill") as folder:
+            leave_out(folder, str(error))
+        return
+    if learned is not None and own.feedback is not None:
+        targets = {axis: [by[axis].target for by in learned.datasets.values()] for axis in own.feedback.axes}
+        skill = ReactiveSkill(
+            skill.primitives,
+            learned.expected,
+            learned.networks,
+            demonstrated_limits(targets, own.skill),
+            workspace,
+            sensor_channels(own.feedback.sensors, learned.expected),
+        )
+    with publish(files.folder / "skill") as folder:
+        folder.mkdir()
+        values = value_at(files.parameters, "entry")
+        bags = value_at(files.parameters, "files")
+        write_skill(skill, folder / SKILL, provenance([], values) | {"bags": bags})
+
+
+if __name__ == "__main__":
+    run_for_task(main, out="skill")

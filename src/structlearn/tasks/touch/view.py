@@ -1,0 +1,116 @@
+"""Rerun views of touch: presses and their map, servoing, forces; slides and deviations."""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+import rerun.blueprint as rrb
+
+from structlearn.palette import BLUE, GREY, LIGHT_GREY, ORANGE, place_colours
+from structlearn.primitives.primitive_files import read_vector_primitive
+from structlearn.primitives.vector import VectorPrimitive, deviation, without_offset
+from structlearn.readers.demonstration import Demonstration, read_streams
+from structlearn.tasks.task_files import TaskFiles
+from structlearn.tasks.touch.parameters import SurfaceParameters, TouchParameters
+from structlearn.tasks.touch.surface_traces import slides_on_clock, trial_groups
+from structlearn.tasks.touch.touch_names import SLIDE_GROUPS, material_of, of_pair, shown_map
+from structlearn.viewer.recorded_demonstrations import write_demonstrations
+from structlearn.viewer.rrd import Recording, entity, flat_view, legend, notes_view, plot, recording
+
+PRESS_MM, PROBE_MM, MARGIN_MM = 0.3, 0.7, 2.5  # radii of dots; margin around the plate
+TRIALS = 12  # paths shown one after the other, a step per second
+IN_FRONT = 30.0  # drawing order
+
+NOTE = f"""A probe pressed a skin at known positions; everything is recorded. A press has the same colour on
+the plate and in the latent map, which was learned from another run and is only rotated and shifted onto it.
+
+Over time, on the plate: servoing on the table of recorded presses, from one press to the readings of another,
+a step a second, one path after the other. Below: the force on a scale at one place, and what is read off the
+skin by another run.
+
+{legend({"probe": LIGHT_GREY, "its target": GREY, "scale": ORANGE, "estimated from the skin": BLUE})}"""
+
+
+NOTHING = "The task has no touches."
+
+
+def write(files: TaskFiles, folder: Path) -> None:
+    """Write the recording of a skin, or of slides."""
+    parameters = files.entry(TouchParameters)
+    if parameters.surfaces is not None:
+        trials = slides_on_clock(read_streams(files.recorded / "streams.parquet"), parameters.surfaces)
+        expected = read_vector_primitive(files.learned / "expected.safetensors")
+        write_slides(folder / "slides.rrd", trials, expected, parameters.surfaces)
+    else:
+        write_skin(folder / "skin.rrd", files.tables("touch"), parameters.tuned_on)
+
+
+def write_skin(path: Path, tables: Mapping[str, pd.DataFrame], tuned_on: tuple[str, ...]) -> None:
+    """Write the view of a skin: its map if there are several runs, and forces if there is a scale."""
+    with recording(path, "A skin and its map") as to:
+        views: list[rrb.Container | rrb.View] = []
+        if "maps" in tables:
+            views.append(_send_maps(to, shown_map(tables["maps"], tuned_on), tables.get("paths")))
+        if "traces" in tables:
+            _send_forces(to, tables["traces"])
+            views.append(plot("force (N)", ["/force/**"]))
+        to.notes(NOTE)
+        shown = rrb.Vertical(*views, row_shares=[3, 1][: len(views)]) if views else notes_view()
+        to.show(rrb.Horizontal(shown, notes_view(), column_shares=[4, 1]))
+
+
+def _send_maps(to: Recording, maps: pd.DataFrame, paths: pd.DataFrame | None) -> rrb.Horizontal:
+    """Log presses on the plate and in the map, in mm from the plate's middle."""
+    plate = maps[["x_m", "y_m"]].to_numpy()
+    middle, colours = 0.5 * (plate.min(axis=0) + plate.max(axis=0)), place_colours(plate)
+
+    def drawn(points: np.ndarray) -> np.ndarray:
+        return 1e3 * (points - middle) * [1.0, -1.0]  # the viewer's y is downwards
+
+    for name, points in (("plate", plate), ("map", maps[["map_x_m", "map_y_m"]].to_numpy())):
+        to.dots(entity(name, "presses"), drawn(points), colours, PRESS_MM)
+    if paths is not None:
+        shown = of_pair(paths, maps)
+        shown = shown[shown["trial"] < TRIALS].sort_values(["trial", "step"])
+        time = np.arange(len(shown), dtype=float)
+        for name, start, colour in (("probe", "", LIGHT_GREY), ("target", "target_", GREY)):
+            places = drawn(shown[[f"{start}x_m", f"{start}y_m"]].to_numpy())
+            to.moving_point(entity("plate", name), time, places, colour, PROBE_MM, draw_order=IN_FRONT)
+    half = 0.5e3 * np.ptp(plate, axis=0).max() + MARGIN_MM
+    ends = [-half, half]
+    return rrb.Horizontal(
+        flat_view("the skin (mm): where it was pressed", "/plate", ends, ends),
+        flat_view("its map, learned from another run (mm)", "/map", ends, ends),
+    )
+
+
+def _send_forces(to: Recording, traces: pd.DataFrame) -> None:
+    its = of_pair(traces, traces)
+    for name, column, colour in (("scale", "force_n", ORANGE), ("estimated from the skin", "read_n", BLUE)):
+        path, time = entity("force", name), its["time_s"].to_numpy()
+        to.series(path, time, its[column].to_numpy(), name, colour)
+
+
+def write_slides(
+    path: Path, trials: Sequence[Demonstration], expected: VectorPrimitive, parameters: SurfaceParameters
+) -> None:
+    """Write the view of slides, with the electrodes' deviations from the expected traces."""
+    groups = trial_groups([trial.name for trial in trials], parameters)
+    materials = dict.fromkeys(material_of(trial.name) for trial in trials)
+    learned = next(material_of(name) for name, group in groups.items() if group == "learned")
+    first = ("left out", "other material", "learned")  # the first trials have a tab
+    order = sorted(trials, key=lambda trial: first.index(groups[trial.name]))
+    deviating = [
+        replace(trial, tactile=deviation(expected, without_offset(trial.signal("tactile")), trial.dt))
+        for trial in order
+    ]
+    note = (
+        f"A robot slides a tactile finger over {' and '.join(materials)}. Tabs of single trials show how far "
+        f"each electrode deviates from the traces expected of {learned}:\n\n"
+        f"{legend(dict(SLIDE_GROUPS.values()))}"
+    )
+    colours = [SLIDE_GROUPS[groups[trial.name]].colour for trial in order]
+    title = "Slides: deviation from the expected traces"
+    write_demonstrations(path, deviating, None, title, note, colours=colours)

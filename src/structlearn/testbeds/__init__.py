@@ -1,1 +1,0 @@
-"""The simulated testbeds; none imports another."""
