@@ -11,7 +11,7 @@ from timing import Case, Contender
 
 from dissertation.simulation.pick_and_place import session, write_takes
 from structlearn.readers import read_recording
-from structlearn.readers.topics import TopicMap
+from structlearn.readers.source import TopicMap
 
 REPEATS = 3
 TOPICS = {"pose": "/gripper/pose", "joint_states": ("/joint_states",), "wrench": "/wrist/wrench"}

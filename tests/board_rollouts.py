@@ -14,7 +14,7 @@ from dissertation.scraping.world.testbed import TestbedParameters
 from structlearn.feedback.coupling_targets import SupervisionParameters
 from structlearn.feedback.skill import Limits
 from structlearn.readers.clock import synchronise
-from structlearn.readers.source_parameters import ClockParameters
+from structlearn.readers.source import ClockParameters
 
 RATE_HZ = 300.0
 TESTBED = committed(TestbedParameters, "testbed")

@@ -14,7 +14,7 @@ import yaml
 from dissertation.simulation.fingers import TouchParameters
 from dissertation.simulation.touch import FingerParameters, TouchFingerParameters
 from structlearn.core.params import Parameters, merged
-from structlearn.readers.topics import TopicMap
+from structlearn.readers.source import TopicMap
 from structlearn.tasks.kinds import KINDS
 from structlearn.tasks.project import ENTRIES, STAGES
 from structlearn.tasks.task_entry import PARTS, read_task

@@ -23,7 +23,7 @@ from structlearn.core.publication import publish
 from structlearn.core.stage import run, stage_parameters
 from structlearn.readers import read_demonstrations, write_recordings
 from structlearn.readers.bag_recording import read_recordings
-from structlearn.readers.source_parameters import ClockParameters
+from structlearn.readers.source import ClockParameters
 
 
 def main():
@@ -126,8 +126,8 @@ def test_an_ordinary_user_and_sources_that_may_not_be_written(open_folder, check
         for path in (folder, *folder.rglob("*")):
             os.chown(path, ORDINARY, ORDINARY)
         options |= OTHER_USER | {"interpreter": _for_all(folder)}
-        variables["PYTHONPATH"] += f"{os.pathsep}{sysconfig.get_path('purelib')}"
-    assert run(folder, "-c", STAGE + COMPILED, **options) == "1.0\n"
+    libraries = f"import sys; sys.path.append({sysconfig.get_path('purelib')!r})\n"  # ours, not PYTHONPATH's
+    assert run(folder, "-c", libraries + STAGE + COMPILED, **options) == "1.0\n"
     assert results(folder) == expected
 
 

@@ -14,7 +14,7 @@ from structlearn.core import quaternion
 from structlearn.core.errors import InputError, MissingInputError
 from structlearn.readers import read_recordings, synchronise
 from structlearn.readers.lerobot import read_movement
-from structlearn.readers.topics import JointPose
+from structlearn.readers.source import JointPose
 from structlearn.rigid_body.urdf import urdf_path
 from structlearn.segmentation.segments import cut
 from structlearn.tasks.movement.lerobot_export import write_lerobot

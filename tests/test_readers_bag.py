@@ -37,10 +37,10 @@ from structlearn.readers import (
     write_recording,
 )
 from structlearn.readers.bag_recording import open_bag
-from structlearn.readers.message_streams import MESSAGE_TYPES, definition
+from structlearn.readers.messages import MESSAGE_TYPES, definition
 from structlearn.readers.raw_messages import LARGEST_CHUNK
+from structlearn.readers.source import OptionalTopicMap
 from structlearn.readers.source_files import as_recording_file, recording_files
-from structlearn.readers.topics import OptionalTopicMap
 
 STAMPS = [10**9 + row * 10**7 for row in range(4)]
 POSES = pose_messages(STAMPS, pose_rows(4))

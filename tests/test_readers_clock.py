@@ -27,7 +27,7 @@ from structlearn.readers.clock import (
     shared_stamps,
 )
 from structlearn.readers.raw_messages import read_bag
-from structlearn.readers.source_parameters import AS_WRITTEN
+from structlearn.readers.source import AS_WRITTEN
 from structlearn.tasks.inspection import clocks as survey
 
 UNIX = 1581238055_716234152

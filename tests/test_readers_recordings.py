@@ -25,8 +25,7 @@ from structlearn.readers import (
     write_recordings,
 )
 from structlearn.readers.demonstration import UNIT, Demonstration, NamedShape, read_runs, write_runs
-from structlearn.readers.source_parameters import Setting, setting_label
-from structlearn.readers.topics import SceneTopicMap
+from structlearn.readers.source import SceneTopicMap, Setting, setting_label
 from structlearn.tasks.movement.recordings import setting_folders
 
 STAMPS = [10**9 + row * 10**7 for row in range(5)]

@@ -26,7 +26,7 @@ from structlearn.feedback.skill import largest_coupling
 from structlearn.primitives.primitive_files import write_primitives, write_vector_primitive
 from structlearn.readers import synchronise
 from structlearn.readers.demonstration import read_runs, write_runs
-from structlearn.readers.source_parameters import ClockParameters
+from structlearn.readers.source import ClockParameters
 
 
 @pytest.fixture(scope="module")

@@ -18,7 +18,7 @@ from structlearn.core.stage import run, stage_parameters
 from structlearn.feedback.coupling_model import CouplingModel, read_networks
 from structlearn.feedback.coupling_targets import SupervisionParameters
 from structlearn.policy_search import refinement
-from structlearn.readers.source_parameters import ClockParameters
+from structlearn.readers.source import ClockParameters
 
 DATA = "data/feedback/scraping"
 

@@ -12,7 +12,7 @@ from structlearn.core.stage import run, stage_parameters
 from structlearn.feedback.corrected_paths import path_errors
 from structlearn.feedback.coupling_model import read_networks
 from structlearn.feedback.coupling_targets import SupervisionParameters
-from structlearn.readers.source_parameters import ClockParameters
+from structlearn.readers.source import ClockParameters
 
 DATA = "data/feedback/scraping"
 

@@ -13,7 +13,7 @@ from structlearn.feedback.skill import ReactiveSkill
 from structlearn.primitives.primitive_files import read_primitives, write_vector_primitive
 from structlearn.readers import synchronise, write_recordings
 from structlearn.readers.demonstration import write_runs
-from structlearn.readers.source_parameters import ClockParameters
+from structlearn.readers.source import ClockParameters
 from structlearn.segmentation.segments import commanded_cuts
 
 

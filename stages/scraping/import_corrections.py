@@ -6,7 +6,7 @@ from structlearn.core.artefacts import publish
 from structlearn.core.stage import run, stage_parameters
 from structlearn.readers import read_demonstrations
 from structlearn.readers.demonstration import write_runs
-from structlearn.readers.source_parameters import ClockParameters
+from structlearn.readers.source import ClockParameters
 
 
 def main() -> None:

@@ -11,7 +11,7 @@ from structlearn.core.stage import run, stage_parameters
 from structlearn.feedback.coupling_model import write_networks
 from structlearn.feedback.coupling_targets import SupervisionParameters
 from structlearn.policy_search.refinement import Progress
-from structlearn.readers.source_parameters import ClockParameters
+from structlearn.readers.source import ClockParameters
 
 
 def main() -> None:

@@ -20,7 +20,7 @@ from structlearn.feedback.coupling_targets import ExpectedTracesParameters, Supe
 from structlearn.feedback.trainers import TrainingParameters
 from structlearn.primitives.fitting import FitParameters
 from structlearn.primitives.sequence import GeneraliseParameters
-from structlearn.readers.source_parameters import ClockParameters
+from structlearn.readers.source import ClockParameters
 from structlearn.segmentation.parameters import SegmentParameters
 
 PARAMETERS = {

@@ -12,7 +12,7 @@ from structlearn.feedback.skill_file import SkillParameters, provenance, write_s
 from structlearn.primitives.fitting import FitParameters
 from structlearn.primitives.primitive_files import read_primitives
 from structlearn.readers.demonstration import read_runs
-from structlearn.readers.source_parameters import ClockParameters
+from structlearn.readers.source import ClockParameters
 from structlearn.segmentation.parameters import SegmentParameters
 
 RAW, DATA = Path("data/raw/scraping"), "data/feedback/scraping"

@@ -23,7 +23,7 @@ from structlearn.core.frames import UP
 from structlearn.core.stage import run
 from structlearn.readers.bag_recording import to_metadata
 from structlearn.readers.demonstration import Kind, Recording, Stream
-from structlearn.readers.message_streams import joint_messages, to_messages
+from structlearn.readers.messages import joint_messages, to_messages
 from structlearn.readers.raw_messages import RawMessages, write_bag
 from structlearn.rigid_body.urdf import urdf_path
 

@@ -31,7 +31,7 @@ from structlearn.feedback.coupling_dataset import CouplingDataset
 from structlearn.feedback.coupling_model import CouplingModel
 from structlearn.primitives import canonical, transformation
 from structlearn.primitives.transformation import ALPHA, BETA, step_matrix
-from structlearn.readers.source_parameters import setting_label
+from structlearn.readers.source import setting_label
 
 PHASE_TOLERANCE = 0.02
 """Largest difference of a demonstration's phase from that of a uniform movement from start to end."""

@@ -4,10 +4,10 @@ Pipelines call `read_demonstrations` (`bag_recording`), which takes these steps,
 
 | step | module |
 |---|---|
-| source -> files | `source_files` (where a source is, and which stamps count: `source_parameters`) |
-| file -> raw messages of the named `topics` | `raw_messages`; `user_tables` if it is a table |
+| source -> files | `source_files` (place, stamps and topics of a source: `source`) |
+| file -> raw messages of the named topics | `raw_messages`; `user_tables` if it is a table |
 | raw -> decoded messages | `decoded_messages` |
-| decoded messages -> streams | `message_streams`, `joint_streams`; `computed_pose` if none is published |
+| decoded messages -> streams | `messages`, `joint_streams`; `computed_pose` if none is published |
 | streams -> one clock | `clock` |
 | runs on it, as stages exchange them | `demonstration`; `joint_log` without poses |
 

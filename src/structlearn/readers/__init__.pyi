@@ -7,5 +7,5 @@ from .bag_recording import (
 )
 from .clock import synchronise as synchronise
 from .demonstration import Demonstration as Demonstration, Recording as Recording, Stream as Stream
-from .source_parameters import StampPolicy as StampPolicy
-from .topics import OWN_TOPICS as OWN_TOPICS, TopicMap as TopicMap
+from .source import StampPolicy as StampPolicy
+from .source import OWN_TOPICS as OWN_TOPICS, TopicMap as TopicMap

@@ -15,7 +15,7 @@ from structlearn.readers.decoded_messages import short_name
 from structlearn.readers.demonstration import JOINT_KINDS, Demonstration, NamedShape, Recording, Stream
 from structlearn.readers.joint_log import JointLog
 from structlearn.readers.joint_streams import JointSeries, chosen, joint_series
-from structlearn.readers.message_streams import (
+from structlearn.readers.messages import (
     READERS,
     joint_messages,
     shapes_message,
@@ -24,9 +24,16 @@ from structlearn.readers.message_streams import (
     to_stream,
 )
 from structlearn.readers.raw_messages import Bag, RawMessages, damage_named, read_bags, write_bag
+from structlearn.readers.source import (
+    AS_WRITTEN,
+    MAX_FINGERS,
+    OWN_TOPICS,
+    JointPose,
+    Role,
+    StampPolicy,
+    TopicMap,
+)
 from structlearn.readers.source_files import RecordingFile, as_recording_file, check_names, recording_files
-from structlearn.readers.source_parameters import AS_WRITTEN, StampPolicy
-from structlearn.readers.topics import MAX_FINGERS, OWN_TOPICS, JointPose, Role, TopicMap
 from structlearn.readers.user_tables import read_pose_table, read_shapes, shape_file
 
 JOINT_STATES = "/joint_states"  # default topic of drivers
@@ -83,7 +90,7 @@ def to_metadata(recording: Recording) -> dict[str, str]:
 def read_recording(
     file: str | Path | RecordingFile, topics: TopicMap = OWN_TOPICS, stamps: StampPolicy = AS_WRITTEN
 ) -> Recording:
-    """Read a recording from a file of any format (`source_files`); `message_streams` lists the types.
+    """Read a recording from a file of any format (`source_files`); `messages` lists the types.
 
     Returns:
         The recording, named after the file's stem, with streams in the order of the topic map. A file without

@@ -9,7 +9,7 @@ import numpy as np
 from structlearn.core import quaternion
 from structlearn.core.errors import InputError
 from structlearn.readers.demonstration import JOINT_KINDS, Demonstration, Kind, Recording, Stream
-from structlearn.readers.source_parameters import StampPolicy
+from structlearn.readers.source import StampPolicy
 
 # Longest gap in a stream that is bridged by interpolation by default: robot controllers and bag recorders
 # occasionally drop out for 0.15 s; a longer gap hides a movement.

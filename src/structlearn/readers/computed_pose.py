@@ -25,10 +25,9 @@ from structlearn.readers.clock import NORM_TOLERANCE, in_order, linear, shared_s
 from structlearn.readers.decoded_messages import decoded
 from structlearn.readers.demonstration import Stream
 from structlearn.readers.joint_streams import MOST_JOINTS, JointSeries
-from structlearn.readers.message_streams import fields_named, nanoseconds, numbers
+from structlearn.readers.messages import fields_named, nanoseconds, numbers
 from structlearn.readers.raw_messages import RawMessages
-from structlearn.readers.source_parameters import StampPolicy
-from structlearn.readers.topics import JointPose, TransformPose
+from structlearn.readers.source import JointPose, StampPolicy, TransformPose
 
 Edge = tuple[str, str]  # parent and child frame
 

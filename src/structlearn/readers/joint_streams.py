@@ -14,9 +14,9 @@ from structlearn.core.errors import InputError
 from structlearn.readers.clock import at_row, in_order
 from structlearn.readers.decoded_messages import Decoded, decoded
 from structlearn.readers.demonstration import JOINT_KINDS, Kind, Stream
-from structlearn.readers.message_streams import FIELDS, fields_named, sample_stamps, sequence, table
+from structlearn.readers.messages import FIELDS, fields_named, sample_stamps, sequence, table
 from structlearn.readers.raw_messages import RawMessages
-from structlearn.readers.source_parameters import StampPolicy
+from structlearn.readers.source import StampPolicy
 
 MOST_JOINTS = 1000  # per topic or robot; humanoids with both hands have a hundred
 

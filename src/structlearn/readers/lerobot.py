@@ -22,7 +22,7 @@ from structlearn.readers.computed_pose import joint_pose
 from structlearn.readers.demonstration import Kind, Recording, Stream
 from structlearn.readers.foreign_tables import read_parquet, read_text
 from structlearn.readers.joint_streams import JointSeries
-from structlearn.readers.topics import JointPose
+from structlearn.readers.source import JointPose
 
 VERSION = "v3."
 POSE = ("x", "y", "z", "qw", "qx", "qy", "qz")

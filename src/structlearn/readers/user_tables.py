@@ -52,7 +52,7 @@ from structlearn.readers.foreign_tables import (
     read_stamped_table,
     read_text,
 )
-from structlearn.readers.message_streams import FIELDS, LAST_STAMP, joint_messages, to_messages
+from structlearn.readers.messages import FIELDS, LAST_STAMP, joint_messages, to_messages
 from structlearn.readers.raw_messages import Bag
 from structlearn.readers.source_files import METADATA, SHAPE_FILE
 

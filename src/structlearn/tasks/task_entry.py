@@ -22,7 +22,7 @@ from structlearn.core.errors import InputError
 from structlearn.core.params import checked, merged, read_values, value_at
 from structlearn.core.reading import digest
 from structlearn.core.used_files import remember_value
-from structlearn.readers.source_parameters import SourceParameters
+from structlearn.readers.source import SourceParameters
 from structlearn.tasks.kinds import defaults, part
 from structlearn.tasks.project import ENTRIES, PIPELINE
 from structlearn.tasks.task_files import NAME_RULE, is_name, is_public, local_path

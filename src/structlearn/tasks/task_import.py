@@ -25,7 +25,7 @@ from structlearn.core.artefacts import publish, write_csv
 from structlearn.core.errors import InputError, MissingInputError
 from structlearn.readers import Recording, synchronise
 from structlearn.readers.demonstration import Demonstration, write_streams
-from structlearn.readers.source_parameters import ClockParameters, SourceParameters
+from structlearn.readers.source import ClockParameters, SourceParameters
 from structlearn.tasks.kinds import part
 from structlearn.tasks.task_files import LEFT_OUT, is_public, leave_out, local_path
 

@@ -4,7 +4,7 @@ from pydantic import Field
 
 from structlearn.avoidance.network_training import NetworkParameters
 from structlearn.feedback.trainers import TrainingParameters
-from structlearn.readers.source_parameters import SourceParameters
+from structlearn.readers.source import SourceParameters
 
 
 class CouplingParameters(SourceParameters):

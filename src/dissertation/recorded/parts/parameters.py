@@ -5,7 +5,7 @@ from typing import Literal
 
 from pydantic import Field, PositiveFloat
 
-from structlearn.readers.source_parameters import SourceParameters
+from structlearn.readers.source import SourceParameters
 from structlearn.tasks.motion.parameters import Log
 
 # Protocols: leave out the logs that the set's authors did, or as many at random

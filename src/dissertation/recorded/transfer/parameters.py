@@ -2,7 +2,7 @@
 
 from pydantic import Field
 
-from structlearn.readers.source_parameters import SourceParameters
+from structlearn.readers.source import SourceParameters
 from structlearn.tactile.latent_parameters import GeodesicParameters, LatentSpaceParameters
 
 

@@ -32,7 +32,7 @@ from structlearn.policy_search.refinement import (
 from structlearn.primitives.kernels import KERNEL_COUNT
 from structlearn.readers.clock import synchronise
 from structlearn.readers.demonstration import Recording
-from structlearn.readers.source_parameters import ClockParameters
+from structlearn.readers.source import ClockParameters
 
 REFINED = 4  # first number of a rollout's seed, its purpose
 FAILURES = (ValueError, ArithmeticError, np.linalg.LinAlgError)  # InputError is a ValueError

@@ -35,7 +35,7 @@ from structlearn.primitives.primitive_files import read_primitives
 from structlearn.primitives.sequence import default_start
 from structlearn.readers.clock import synchronise
 from structlearn.readers.demonstration import Recording, write_runs
-from structlearn.readers.source_parameters import ClockParameters
+from structlearn.readers.source import ClockParameters
 
 HOLD_S = 0.3  # s that the robot waits at the end, so that all streams cover the last sample
 

@@ -6,7 +6,7 @@ from typing import NamedTuple
 import numpy as np
 
 from structlearn.readers.decoded_messages import decoded
-from structlearn.readers.message_streams import nanoseconds
+from structlearn.readers.messages import nanoseconds
 from structlearn.readers.raw_messages import RawMessages
 
 

@@ -15,7 +15,7 @@ import numpy as np
 from structlearn.core import quaternion, signals
 from structlearn.core.errors import InputError
 from structlearn.readers.demonstration import Stream
-from structlearn.readers.topics import JointPose, TransformPose
+from structlearn.readers.source import JointPose, TransformPose
 from structlearn.rigid_body.urdf import HANDS
 from structlearn.segmentation.motion_runs import FRACTIONS, Motion, pace, runs_of_motion
 from structlearn.tasks.inspection.clocks import Stamps, stamps_of

@@ -10,8 +10,8 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from structlearn.readers.message_streams import READERS
-from structlearn.readers.topics import JointPose
+from structlearn.readers.messages import READERS
+from structlearn.readers.source import JointPose
 from structlearn.rigid_body.urdf import moving_joints
 from structlearn.tasks.inspection.fitness import IN_STEP_S, out_of_step
 from structlearn.tasks.inspection.hand_motion import Candidate, MotionSurvey, pose_words

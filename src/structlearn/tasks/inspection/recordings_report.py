@@ -12,7 +12,7 @@ import yaml
 
 from structlearn.core.artefacts import publish
 from structlearn.core.errors import printable
-from structlearn.readers.message_streams import FIELDS
+from structlearn.readers.messages import FIELDS
 from structlearn.tasks.inspection.clocks import TopicClocks, stamps_of
 from structlearn.tasks.inspection.fitness import Answer, fitness
 from structlearn.tasks.inspection.hand_motion import (

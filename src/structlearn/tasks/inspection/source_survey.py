@@ -14,11 +14,10 @@ from structlearn.readers.computed_pose import TransformSeries, transform_series
 from structlearn.readers.decoded_messages import short_name
 from structlearn.readers.demonstration import Stream
 from structlearn.readers.joint_streams import JointSeries, chosen, joint_series
-from structlearn.readers.message_streams import READERS
+from structlearn.readers.messages import READERS
 from structlearn.readers.raw_messages import RawMessages
+from structlearn.readers.source import JointPose, StampPolicy, TopicMap, TransformPose
 from structlearn.readers.source_files import RecordingFile, recording_files
-from structlearn.readers.source_parameters import StampPolicy
-from structlearn.readers.topics import JointPose, TopicMap, TransformPose
 from structlearn.rigid_body.urdf import HANDS, counterparts, moving_joints, tips
 from structlearn.tasks.inspection.clocks import Stamps, TopicClocks, stamps_of, topic_clocks
 from structlearn.tasks.inspection.hand_motion import HandPath, PoseSource, hand_path

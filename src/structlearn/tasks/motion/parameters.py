@@ -8,8 +8,7 @@ from pydantic import Field, NonNegativeInt, PositiveFloat, model_validator
 
 from structlearn.core.params import Parameters
 from structlearn.readers.joint_log import DriveLog, JointLog, read_log_table
-from structlearn.readers.source_parameters import SourceParameters
-from structlearn.readers.topics import JointNames
+from structlearn.readers.source import JointNames, SourceParameters
 
 Log = Annotated[str, Field(min_length=1)]
 

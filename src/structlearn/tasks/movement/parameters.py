@@ -11,8 +11,7 @@ from structlearn.feedback.coupling_targets import CorrectionParameters
 from structlearn.feedback.skill_file import SkillParameters
 from structlearn.feedback.trainers import FeedbackNetworkParameters, TrainingParameters
 from structlearn.primitives.fitting import FitParameters
-from structlearn.readers.source_parameters import ClockParameters, Setting, SourceParameters
-from structlearn.readers.topics import JointPose, TopicMap
+from structlearn.readers.source import ClockParameters, JointPose, Setting, SourceParameters, TopicMap
 from structlearn.segmentation.parameters import SegmentParameters
 
 PARTS = "parts"  # recordings are the primitives of one execution, each with its own name

@@ -13,8 +13,8 @@ from structlearn.core.params import home_path
 from structlearn.readers import Recording, read_recordings
 from structlearn.readers.demonstration import write_runs
 from structlearn.readers.foreign_tables import read_each
+from structlearn.readers.source import setting_label
 from structlearn.readers.source_files import recording_files
-from structlearn.readers.source_parameters import setting_label
 from structlearn.segmentation.repeats import split
 from structlearn.tasks.movement.parameters import MovementEntry
 from structlearn.tasks.task_files import local_path

@@ -1,8 +1,7 @@
 """Parameters of reaches past obstacles. Fields: `defaults.obstacles` in `tasks/stages/params.yaml`."""
 
 from structlearn.avoidance.scene_reaches import SceneLearningParameters
-from structlearn.readers.source_parameters import ClockParameters, SourceParameters
-from structlearn.readers.topics import SceneTopicMap
+from structlearn.readers.source import ClockParameters, SceneTopicMap, SourceParameters
 
 
 class ObstacleParameters(SourceParameters, SceneLearningParameters):

@@ -5,8 +5,7 @@ from typing import Literal
 from pydantic import Field, PositiveFloat
 
 from structlearn.core.params import Parameters
-from structlearn.readers.source_parameters import ClockParameters, SourceParameters
-from structlearn.readers.topics import TopicMap
+from structlearn.readers.source import ClockParameters, SourceParameters, TopicMap
 from structlearn.tactile.latent_parameters import GeodesicParameters, LatentSpaceParameters
 
 DEGREE = 3  # of the polynomial from latent coordinates to place and depth: bends, but no waves

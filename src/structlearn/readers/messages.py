@@ -34,8 +34,7 @@ from structlearn.readers.clock import at_row, in_order
 from structlearn.readers.decoded_messages import Decoded, columns, decoded, short_name
 from structlearn.readers.demonstration import JOINT_KINDS, Form, Kind, NamedShape, Stream
 from structlearn.readers.raw_messages import RawMessages
-from structlearn.readers.source_parameters import StampPolicy
-from structlearn.readers.topics import Role
+from structlearn.readers.source import Role, StampPolicy
 
 FRAME = "base"  # frame_id that we write: the robot's base
 LAST_STAMP = 2**31 * 10**9 - 1  # ns: seconds of a header are int32
