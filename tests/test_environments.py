@@ -126,7 +126,7 @@ def test_an_ordinary_user_and_sources_that_may_not_be_written(open_folder, check
         for path in (folder, *folder.rglob("*")):
             os.chown(path, ORDINARY, ORDINARY)
         options |= OTHER_USER | {"interpreter": _for_all(folder)}
-    libraries = f"import sys; sys.path.append({sysconfig.get_path('purelib')!r})\n"  # ours, not PYTHONPATH's
+    libraries = f"import sys; sys.path.insert(0, {sysconfig.get_path('purelib')!r})\n"  # before the system's
     assert run(folder, "-c", libraries + STAGE + COMPILED, **options) == "1.0\n"
     assert results(folder) == expected
 
@@ -134,7 +134,7 @@ def test_an_ordinary_user_and_sources_that_may_not_be_written(open_folder, check
 def _for_all(folder: Path) -> str:
     """A Python of this version that another user can run and that finds our libraries."""
     own = f"python{sys.version_info.major}.{sys.version_info.minor}"
-    libraries = f"import sys; sys.path.append({sysconfig.get_path('purelib')!r}); import numpy"
+    libraries = f"import sys; sys.path.insert(0, {sysconfig.get_path('purelib')!r}); import numpy"
     for interpreter in (sys.executable, f"/usr/bin/{own}", f"/usr/local/bin/{own}"):
         command = [interpreter, "-c", libraries]
         with suppress(OSError):
