@@ -17,7 +17,7 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
-from structlearn.core.artefacts import read_csv, read_metrics
+from structlearn.core.artefacts import read_csv, read_metrics, read_table
 from structlearn.core.params import Parameters, ParametersType, checked, read_values
 from structlearn.reporting.prose import counted, listing
 
@@ -120,6 +120,7 @@ def stored(path: Path, made: type[ParametersType]) -> tuple[dict[str, pd.DataFra
     """Tables beside a provenance file, by name, and that file's content. Raises as `stored_study`."""
     texts = dict.fromkeys(KEYS, str)
     tables = {table.stem: read_csv(table, dtype=texts) for table in sorted(path.parent.glob("*.csv"))}
+    tables |= {table.stem: read_table(table, KEYS) for table in path.parent.glob("results.parquet")}
     return tables, checked(read_metrics(path), made, path, path.stem)
 
 

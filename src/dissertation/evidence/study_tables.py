@@ -25,6 +25,7 @@ import yaml
 from pydantic import Field
 
 from dissertation.evidence.judged_page import TEMPLATES, JudgedDocument
+from dissertation.evidence.results import FOLDER, read_results
 from dissertation.evidence.studies import (
     KEYS,
     OURS,
@@ -38,7 +39,7 @@ from dissertation.evidence.studies import (
     stored,
     stored_study,
 )
-from structlearn.core.artefacts import publish, read_csv, write_csv
+from structlearn.core.artefacts import publish, read_csv, write_csv, write_table
 from structlearn.core.code_digests import LIBRARY, write_code
 from structlearn.core.errors import InputError
 from structlearn.core.params import Parameters, checked, read_values, value_at
@@ -50,6 +51,7 @@ DESCRIPTIONS = Path("stages/studies/studies.yaml")
 REPRODUCTION = Path(__file__).parents[1]
 CELLS = Path("data/studies")
 FINDINGS = "findings"  # table that becomes one row per variant and cell
+RESULTS_TABLE = "results"  # `data/results/<testbed>.parquet`
 TOLERANCE = 0.05
 """Mean deviation of a column over its standard deviation in the study, on another type of processor: kernels
 round differently, and training and simulation drift apart, by up to 0.03 where nothing else changed."""
@@ -147,6 +149,9 @@ def kept(description: Description, reports: Path, variant: str, cell: str) -> di
             numbers = values_by_key(read_findings(path))
             wanted = [key for key in numbers if any(fnmatch(key, one) for one in description.numbers)]
             frame = pd.DataFrame([labels | {key: numbers[key] for key in wanted}])
+        elif table == RESULTS_TABLE:
+            own = read_results(reports.name, reports.parents[1] / FOLDER)
+            frame = own.assign(**labels)[[*KEYS, *own.columns.drop("variant", errors="ignore")]]
         else:
             frame = read_csv(path)
             frame = frame.assign(**labels)[[*KEYS, *frame.columns]]
@@ -165,7 +170,10 @@ def publish_tables(tables: Mapping[str, pd.DataFrame], made: Parameters, path: P
     with publish(path.parent) as folder:
         folder.mkdir()
         for name, table in tables.items():
-            write_csv(table, folder / f"{name}.csv")
+            if name == RESULTS_TABLE:
+                write_table(table, folder / f"{name}.parquet")
+            else:
+                write_csv(table, folder / f"{name}.csv")
         (folder / path.name).write_text(made.model_dump_json(indent=2) + "\n", encoding="utf-8")
 
 

@@ -26,11 +26,22 @@ class Evidence:
     pooled_high: float = float("nan")  # its upper end
     study: str = ""  # study that it is quoted from; empty if this run computed it
     reason: str = ""  # why nothing was found
+    remark: str = ""  # what must be said with the number, such as `one person`
 
 
 def exact(value: float, n: int = 1) -> Evidence:
     """An exact number without an interval, such as the largest of n values."""
     return Evidence(float(value), float(value), float(value), n)
+
+
+def largest(samples: np.ndarray) -> Evidence:
+    """Largest of N values (N,), for statements that hold for each."""
+    return exact(np.max(samples), len(samples))
+
+
+def smallest(samples: np.ndarray) -> Evidence:
+    """Smallest of N values (N,)."""
+    return exact(np.min(samples), len(samples))
 
 
 def mean(samples: np.ndarray, comparisons: int = 1) -> Evidence:
@@ -129,6 +140,16 @@ Found = Evidence | Mapping[str, Evidence]  # a single number, or one by case
 
 
 def in_words(found: Evidence, number_format: str, unit: str = "") -> str:
+    """Evidence as text with its remark, see `_in_words`."""
+    text = _in_words(
+        replace(found, low=found.value, high=found.value) if np.isinf(found.low) else found,
+        number_format,
+        unit,
+    )
+    return f"{text} ({found.remark})" if found.remark else text
+
+
+def _in_words(found: Evidence, number_format: str, unit: str) -> str:
     """Evidence as text, e.g. `0.36 [0.30, 0.42] rad`, `26 % [22, 30]`; shares of people have both intervals.
 
     A rate is never rounded to 0 or 100 % unless it is exactly that.

@@ -23,6 +23,7 @@ from structlearn.core.artefacts import Metrics, read_csv
 from structlearn.reporting import evidence
 from structlearn.reporting.evidence import UNKNOWN, Evidence, Found, unknown
 
+EXACT = (evidence.exact, evidence.exact_count, evidence.largest, evidence.smallest)  # without an interval
 COLUMNS = ["name", "case", "value", "low", "high", "n", "unit", "population", "headline", "study", "reason"]
 
 
@@ -97,7 +98,7 @@ class Findings(Mapping[str, Found]):
             return self.add(name, make(*given) if _there(given) else lacking, **row)
         cases = {str(case): one if isinstance(one, tuple) else (one,) for case, one in given[0].items()}
         there = {case: one for case, one in cases.items() if _there(one)}
-        many = {} if make in (evidence.exact, evidence.exact_count) else {"comparisons": len(there)}
+        many = {} if make in EXACT else {"comparisons": len(there)}
         found = {case: make(*one, **many) if case in there else lacking for case, one in cases.items()}
         return self.add(name, found, **row)
 
