@@ -1,4 +1,4 @@
-"""One cell of a study: run a testbed's stages for other people or robots, and keep the report's tables."""
+"""One cell of a study: run a testbed's stages for other people or robots, and keep their results."""
 
 import sys
 from pathlib import Path
@@ -13,8 +13,8 @@ def main() -> None:
     if len(words) != 2 or words[0] not in descriptions:
         raise InputError(f"{sys.argv[0]}: needs a study and a cell of it; studies: {', '.join(descriptions)}")
     name, cell = words
-    tables = run_cell(name, descriptions[name], cell, Path.cwd())
-    write_cell(tables, CELLS / name / cell, Path.cwd())
+    results = run_cell(name, descriptions[name], cell, Path.cwd())
+    write_cell(results, CELLS / name / cell, Path.cwd())
 
 
 if __name__ == "__main__":

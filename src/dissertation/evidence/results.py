@@ -147,7 +147,7 @@ def with_study(
     mine = own if tested is None else own[own[who].isin(list(tested))]
     if study is None:
         return Population(Results(mine, who), one, None)
-    more = study.tables["results"]
+    more = study.results
     for name, value in only.items():
         more = more[more[name] == value]
     more = more.reindex(columns=own.columns).astype(own.dtypes)

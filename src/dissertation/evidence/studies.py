@@ -1,29 +1,28 @@
-"""Studies: results for larger populations than one run of the pipeline, kept as tables in git for pages.
+"""Studies: results for larger populations than one run of the pipeline, kept in git for pages.
 
 The pipeline `stages/studies/dvc.yaml` makes them cell by cell: a cell runs a testbed's stages with other
 seeds for its people or robots (`dissertation.evidence.study_tables`). This module holds what pages need:
-`reports/studies/<study>` has the tables of all cells and `study.json` with their parameters and each cell's
-commit. A study with parameters other than the page's counts as not run.
+`reports/studies/<study>` has the results of all cells (`dissertation.evidence.results`) and `study.json` with
+their parameters and each cell's commit. A page counts rows that were found with its own parameters.
 """
 
 import hashlib
 import json
-from collections.abc import Hashable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from functools import cached_property
 from pathlib import Path
 from typing import Any
 
-import numpy as np
 import pandas as pd
 
-from structlearn.core.artefacts import read_csv, read_metrics, read_table
-from structlearn.core.params import Parameters, ParametersType, checked, read_values
+from structlearn.core.artefacts import read_metrics, read_table
+from structlearn.core.params import Parameters, ParametersType, checked
 from structlearn.reporting.prose import counted, listing
 
 RESULTS = Path("reports/studies")
 OURS = "ours"  # variant with the pipeline's parameters
-KEYS = ["variant", "cell"]  # first columns of a study's tables
+KEYS = ["variant", "cell"]  # first columns of a study's results
+TABLE = "results.parquet"
 
 
 class Origin(Parameters):
@@ -41,7 +40,7 @@ class Check(Parameters):
     processor: str
     exact: bool  # whether all digits were compared; otherwise within `study_tables.TOLERANCE`
     compared: int  # numbers
-    different: list[str]  # tables and columns with differences
+    different: list[str]  # quantities with differences
 
 
 class StudyProvenance(Parameters):
@@ -60,38 +59,8 @@ UNKNOWN = StudyProvenance(parameters={}, seeds=[], cells={}, check=None)  # for 
 class Study:
     """Results of a study."""
 
-    tables: Mapping[str, pd.DataFrame]  # by name, each starting with the columns `KEYS`
+    results: pd.DataFrame  # as of one run, below the columns `KEYS`
     made: StudyProvenance = UNKNOWN
-
-    @property
-    def table(self) -> pd.DataFrame:
-        """Findings with one row per variant and cell, for studies that gather `findings.csv`."""
-        return self.tables["findings"]
-
-    def values(self, variant: str, key: str) -> np.ndarray:
-        """One finding of a variant by cell, (N,); all variants have the same order of cells."""
-        return self.table[key].to_numpy(float)[self._rows.get(variant, [])]
-
-    @cached_property
-    def _rows(self) -> dict[Hashable, np.ndarray]:
-        return self.table.groupby("variant").indices
-
-
-@dataclass(frozen=True)
-class People:
-    """Findings by person, from a study that runs all of a testbed for each person."""
-
-    study: Study | None  # None if it was not run with these parameters
-    variant: str
-
-    def numbers(self, key: str) -> np.ndarray | None:
-        """Values (P,) of one finding by person; None if unknown."""
-        return self.study.values(self.variant, key) if self.study and key in self.study.table else None
-
-    @property
-    def count(self) -> int:
-        """Number of people; 0 if the study was not run."""
-        return len(self.study.values(self.variant, "cell")) if self.study else 0
 
 
 def digests(values: Mapping[str, Any], keys: Sequence[str], seeds: Sequence[str]) -> dict[str, str]:
@@ -116,32 +85,14 @@ def stored_study(folder: Path) -> Study:
     return Study(*stored(folder / "study.json", StudyProvenance))
 
 
-def stored(path: Path, made: type[ParametersType]) -> tuple[dict[str, pd.DataFrame], ParametersType]:
-    """Tables beside a provenance file, by name, and that file's content. Raises as `stored_study`."""
-    texts = dict.fromkeys(KEYS, str)
-    tables = {table.stem: read_csv(table, dtype=texts) for table in sorted(path.parent.glob("*.csv"))}
-    tables |= {table.stem: read_table(table, KEYS) for table in path.parent.glob("results.parquet")}
-    return tables, checked(read_metrics(path), made, path, path.stem)
+def stored(path: Path, made: type[ParametersType]) -> tuple[pd.DataFrame, ParametersType]:
+    """Results beside a provenance file, and that file's content. Raises as `stored_study`."""
+    return read_table(path.with_name(TABLE), KEYS), checked(read_metrics(path), made, path, path.stem)
 
 
-def read_study(name: str, folder: Path = RESULTS, parameters: Path = Path("params.yaml")) -> Study | None:
-    """Read a study; None if it was not run with the parameters in this file."""
-    if not Path(folder, name, "study.json").exists():
-        return None
-    study = stored_study(Path(folder, name))
-    known = study.made.parameters
-    return study if known == digests(read_values(parameters), list(known), study.made.seeds) else None
-
-
-def extended(own: pd.DataFrame, study: Study | None, name: str, key: str = "seed") -> pd.DataFrame:
-    """Extend a table of this run by a study's rows with other seeds (column `key`), in the same types."""
-    if study is None:
-        return own
-    more = study.tables[name]
-    more = more.loc[~more[key].isin(own[key]), own.columns]
-    texts = list(own.select_dtypes(["object", "string"]))
-    more = more.astype(dict.fromkeys(texts, object)).fillna(dict.fromkeys(texts, ""))  # CSV reads "" as NaN
-    return pd.concat([own, more.astype(own.dtypes)], ignore_index=True)
+def read_study(name: str, folder: Path = RESULTS) -> Study | None:
+    """Read a study whatever its parameters; None if it was not run. Raises as `stored_study`."""
+    return stored_study(folder / name) if (folder / name / "study.json").exists() else None
 
 
 def provenance(study: Study) -> str:

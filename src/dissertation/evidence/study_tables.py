@@ -1,10 +1,10 @@
-"""Studies: cells that run a testbed for other people or robots, and tables in git that join the cells.
+"""Studies: cells that run a testbed for other people or robots, and results in git that join the cells.
 
 `stages/studies/studies.yaml` describes each study, `stages/studies/dvc.yaml` lists its cells. A cell is named
-by its seeds, `13` or the range `19-26`, and writes the tables of all variants of the study to
+by its seeds, `13` or the range `19-26`, and writes the results of all variants of the study to
 `data/studies/<study>/<cell>`. `python -m dissertation.evidence.study_tables` joins the cells that were run
 into `reports/studies/<study>`; with `--check [NAME ...]` it runs one cell of each study again and compares it
-with the tables. No DVC stage does this: pages read these tables, so `dvc repro` of a page would first run
+with the study. No DVC stage does this: pages read these results, so `dvc repro` of a page would first run
 hours of studies.
 """
 
@@ -15,7 +15,6 @@ import subprocess
 import sys
 import tempfile
 from collections.abc import Mapping
-from fnmatch import fnmatch
 from pathlib import Path
 from typing import Any
 
@@ -30,6 +29,7 @@ from dissertation.evidence.studies import (
     KEYS,
     OURS,
     RESULTS,
+    TABLE,
     Check,
     Origin,
     Study,
@@ -39,21 +39,18 @@ from dissertation.evidence.studies import (
     stored,
     stored_study,
 )
-from structlearn.core.artefacts import publish, read_csv, write_csv, write_table
+from structlearn.core.artefacts import publish, write_table
 from structlearn.core.code_digests import LIBRARY, write_code
 from structlearn.core.errors import InputError
 from structlearn.core.params import Parameters, checked, read_values, value_at
 from structlearn.core.stage import run
 from structlearn.reporting.document import render, source_commit
-from structlearn.reporting.findings import read_findings, values_by_key
 
 DESCRIPTIONS = Path("stages/studies/studies.yaml")
 REPRODUCTION = Path(__file__).parents[1]
 CELLS = Path("data/studies")
-FINDINGS = "findings"  # table that becomes one row per variant and cell
-RESULTS_TABLE = "results"  # `data/results/<testbed>.parquet`
 TOLERANCE = 0.05
-"""Mean deviation of a column over its standard deviation in the study, on another type of processor: kernels
+"""Mean deviation of a quantity over its standard deviation in the study, on another type of processor: kernels
 round differently, and training and simulation drift apart, by up to 0.03 where nothing else changed."""
 
 
@@ -69,10 +66,8 @@ class Description(Parameters):
 
     question: str
     seeds: list[str] = Field(min_length=1)  # parameters set to a cell's seeds, by dotted key
-    stages: list[str] = Field(min_length=1)  # scripts of the testbed, in order; the last is the report
+    stages: list[str] = Field(min_length=1)  # scripts of the testbed, in order; the last is `results`
     takes: tuple[str, ...] = ()  # pipeline outputs that these stages read unchanged
-    tables: list[str] = Field(min_length=1)  # kept from `reports/<testbed>`
-    numbers: tuple[str, ...] = ("*",)  # kept from `findings`, as wildcards
     variants: dict[str, Variant] = Field(default_factory=dict)  # besides the pipeline's, `OURS`
 
 
@@ -107,8 +102,8 @@ def changed(values: Mapping[str, Any], changes: Mapping[str, Any]) -> dict[str, 
     return result
 
 
-def run_cell(name: str, description: Description, cell: str, root: Path) -> dict[str, pd.DataFrame]:
-    """Run the stages of a study for one cell; return tables by name, starting with the columns `KEYS`."""
+def run_cell(name: str, description: Description, cell: str, root: Path) -> pd.DataFrame:
+    """Run the stages of a study for one cell; return its results, below the columns `KEYS`."""
     testbed, seeds, parameters = name.partition("/")[0], seeds_of(cell), root / "params.yaml"
     values = read_values(parameters)
     own = {
@@ -126,8 +121,11 @@ def run_cell(name: str, description: Description, cell: str, root: Path) -> dict
             (folder / "params.yaml").write_text(text, encoding="utf-8")
             for stage in description.stages[description.stages.index(its.first) :]:
                 run_stage(f"stages/{testbed}/{stage}.py", folder, root, cell)
-            made.append(kept(description, folder / "reports" / testbed, variant, cell))
-    return {table: pd.concat([one[table] for one in made], ignore_index=True) for table in made[0]}
+            own = read_results(testbed, folder / FOLDER)
+            made.append(
+                own.assign(variant=variant, cell=cell)[[*KEYS, *own.columns.drop("variant", errors="ignore")]]
+            )
+    return pd.concat(made, ignore_index=True)
 
 
 def run_stage(script: str, folder: Path, root: Path, cell: str) -> None:
@@ -140,40 +138,17 @@ def run_stage(script: str, folder: Path, root: Path, cell: str) -> None:
         raise InputError(f"cell {cell}: {script}: {(done.stderr.strip() or 'failed').splitlines()[-1]}")
 
 
-def kept(description: Description, reports: Path, variant: str, cell: str) -> dict[str, pd.DataFrame]:
-    """Tables that a study keeps from a testbed's report, starting with the columns `KEYS`."""
-    found, labels = {}, dict(zip(KEYS, (variant, cell), strict=True))
-    for table in description.tables:
-        path = reports / f"{table}.csv"
-        if table == FINDINGS:
-            numbers = values_by_key(read_findings(path))
-            wanted = [key for key in numbers if any(fnmatch(key, one) for one in description.numbers)]
-            frame = pd.DataFrame([labels | {key: numbers[key] for key in wanted}])
-        elif table == RESULTS_TABLE:
-            own = read_results(reports.name, reports.parents[1] / FOLDER)
-            frame = own.assign(**labels)[[*KEYS, *own.columns.drop("variant", errors="ignore")]]
-        else:
-            frame = read_csv(path)
-            frame = frame.assign(**labels)[[*KEYS, *frame.columns]]
-        found[path.stem] = frame
-    return found
-
-
-def write_cell(tables: Mapping[str, pd.DataFrame], folder: Path, root: Path) -> None:
-    """Publish a cell's tables, with the commit of the code that made them."""
+def write_cell(results: pd.DataFrame, folder: Path, root: Path) -> None:
+    """Publish a cell's results, with the commit of the code that made them."""
     origin = Origin(commit=source_commit(root=root), processor=processor())
-    publish_tables(tables, origin, folder / "cell.json")
+    publish_results(results, origin, folder / "cell.json")
 
 
-def publish_tables(tables: Mapping[str, pd.DataFrame], made: Parameters, path: Path) -> None:
-    """Publish tables together with a file on their provenance, in that file's folder."""
+def publish_results(results: pd.DataFrame, made: Parameters, path: Path) -> None:
+    """Publish results together with a file on their provenance, in that file's folder."""
     with publish(path.parent) as folder:
         folder.mkdir()
-        for name, table in tables.items():
-            if name == RESULTS_TABLE:
-                write_table(table, folder / f"{name}.parquet")
-            else:
-                write_csv(table, folder / f"{name}.csv")
+        write_table(results, folder / TABLE)
         (folder / path.name).write_text(made.model_dump_json(indent=2) + "\n", encoding="utf-8")
 
 
@@ -217,12 +192,12 @@ def join_study(name: str, description: Description, root: Path) -> None:
         path = root / RESULTS / name / "study.json"
         before = stored_study(path.parent) if path.exists() else None
         study = joined(before, cells, made_with(name, description, root), description)
-        publish_tables(study.tables, study.made, path)
+        publish_results(study.results, study.made, path)
     print(f"{name}: {len(cells)} cells joined")
 
 
 def check_study(name: str, description: Description, root: Path) -> list[str]:
-    """Run the newest cell of a study again and record the result; return differences as `study: column`."""
+    """Run the newest cell of a study again and record the result; return differences as `study: quantity`."""
     folder = root / RESULTS / name
     if not (folder / "study.json").exists():
         return []
@@ -231,9 +206,9 @@ def check_study(name: str, description: Description, root: Path) -> list[str]:
         raise InputError(f"{folder}: made with other parameters than these: make studies NAME={name}")
     cell = list(study.made.cells)[-1]
     check = compare(run_cell(name, description, cell, root), study, cell, root)
-    publish_tables(study.tables, study.made.model_copy(update={"check": check}), folder / "study.json")
-    print(f"{name}, cell {cell}: {check.compared} numbers compared, {len(check.different)} columns differ")
-    return [f"{name}: {column}" for column in check.different]
+    publish_results(study.results, study.made.model_copy(update={"check": check}), folder / "study.json")
+    print(f"{name}, cell {cell}: {check.compared} numbers compared, {len(check.different)} quantities differ")
+    return [f"{name}: {quantity}" for quantity in check.different]
 
 
 def studies_page(descriptions: Mapping[str, Description]) -> str:
@@ -248,34 +223,29 @@ def studies_page(descriptions: Mapping[str, Description]) -> str:
 
 def joined(
     before: Study | None,
-    cells: Mapping[str, tuple[Mapping[str, pd.DataFrame], Origin]],
+    cells: Mapping[str, tuple[pd.DataFrame, Origin]],
     made_with: Mapping[str, str],
     description: Description,
 ) -> Study:
-    """Add or replace cells of a study; tables keep the columns that all cells have.
+    """Add or replace cells of a study.
 
     `before`: the study in git, dropped if its parameters are not the cells' (`made_with`).
     """
-    before = before if before and before.made.parameters == made_with else Study({})
-    origins = before.made.cells | {cell: origin for cell, (_, origin) in cells.items()}
+    parts, origins, check = [results for results, _ in cells.values()], {}, None
+    if before and before.made.parameters == made_with:
+        parts.insert(0, before.results.query("cell not in @cells"))
+        origins, check = before.made.cells, before.made.check
+    origins = origins | {cell: origin for cell, (_, origin) in cells.items()}
     order = sorted(origins, key=lambda cell: seeds_of(cell)[0])
-    variants = [OURS, *description.variants]
-    tables = {}
-    for name in (Path(table).name for table in description.tables):
-        parts = [its[name] for its, _ in cells.values()]
-        if name in before.tables:
-            parts.insert(0, before.tables[name].query("cell not in @cells"))
-        whole = pd.concat(parts, join="inner", ignore_index=True)
-        places = whole["variant"].map(variants.index) * len(order) + whole["cell"].map(order.index)
-        tables[name] = whole.iloc[np.argsort(places.to_numpy(), kind="stable")].reset_index(drop=True)
-    check = before.made.check
+    whole, variants = pd.concat(parts, ignore_index=True), [OURS, *description.variants]
+    places = whole["variant"].map(variants.index) * len(order) + whole["cell"].map(order.index)
     made = StudyProvenance(
         parameters=dict(made_with),
         seeds=description.seeds,
         cells={cell: origins[cell] for cell in order},
         check=check if check and check.cell not in cells else None,
     )
-    return Study(tables, made)
+    return Study(whole.iloc[np.argsort(places.to_numpy(), kind="stable")].reset_index(drop=True), made)
 
 
 def made_with(name: str, description: Description, root: Path) -> dict[str, str]:
@@ -286,31 +256,24 @@ def made_with(name: str, description: Description, root: Path) -> dict[str, str]
     return digests(read_values(root / "params.yaml"), keys, description.seeds)
 
 
-def compare(found: Mapping[str, pd.DataFrame], study: Study, cell: str, root: Path) -> Check:
-    """Compare the tables of a cell that was run again with those of the study."""
+def compare(found: pd.DataFrame, study: Study, cell: str, root: Path) -> Check:
+    """Compare the results of a cell that was run again with those of the study."""
     here, check = processor(), study.made.check
     known_on = {study.made.cells[cell].processor} | ({check.processor} if check and check.exact else set())
-    exact = here in known_on
-    compared, different = 0, []
-    for name, table in study.tables.items():
-        known = table[table["cell"] == cell].reset_index(drop=True)
-        new = found[name].reset_index(drop=True)
-        for column in table.columns.drop(KEYS):
-            compared += len(known)
-            spread = 0.0 if exact or not pd.api.types.is_numeric_dtype(table[column]) else table[column].std()
-            alike = column in new and len(new) == len(known) and _alike(known[column], new[column], spread)
-            different += [] if alike else [f"{name}.{column}"]
+    exact, results = here in known_on, study.results
+    keys = [name for name in results if name not in ("cell", "stage", "unit", "value")]
+    known = results[results["cell"] == cell].set_index(keys)["value"]
+    new = found.set_index(keys)["value"].reindex(known.index)
+    off = (known - new).abs().mask(known.isna() & new.isna(), 0.0).fillna(np.inf)
+    if not exact:
+        people = [name for name in keys if name not in ("person", "seed")]
+        spread = results.groupby(people, dropna=False)["value"].transform("std")
+        off = off / spread[results["cell"] == cell].to_numpy()
+        off = off.fillna(0.0)  # equal values that nobody differs in
+    mean = off.groupby("quantity").mean()
+    different = mean[mean > (0.0 if exact else TOLERANCE)].index.tolist()
     made = {"cell": cell, "commit": source_commit(root=root), "processor": here}
-    return Check(**made, exact=exact, compared=compared, different=different)
-
-
-def _alike(known: pd.Series, new: pd.Series, spread: float) -> bool:
-    """Whether two columns are equal, on average within `TOLERANCE` of a spread."""
-    if not (pd.api.types.is_numeric_dtype(known) and pd.api.types.is_numeric_dtype(new)):
-        return bool((known.fillna("").astype(str) == new.fillna("").astype(str)).all())
-    first, second = known.to_numpy(float), new.to_numpy(float)
-    off = np.where(np.isnan(first) & np.isnan(second), 0.0, np.abs(first - second))
-    return bool(off.mean() <= TOLERANCE * np.nan_to_num(spread))  # one value has no deviation
+    return Check(**made, exact=exact, compared=len(known), different=different)
 
 
 if __name__ == "__main__":
