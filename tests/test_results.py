@@ -53,7 +53,7 @@ def project(tmp_path, monkeypatch):
 
 def study_of(people, values=VALUES):
     made = {"parameters": digests(values, ["cut", "train"], ["train.seed"]), "seeds": ["train.seed"]}
-    return Study({"results": table(people)}, StudyProvenance(**made, cells={}, check=None))
+    return Study(table(people), StudyProvenance(**made, cells={}, check=None))
 
 
 def register():

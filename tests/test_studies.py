@@ -19,7 +19,6 @@ from dissertation.evidence.studies import (
     Origin,
     Study,
     StudyProvenance,
-    extended,
     provenance,
     read_study,
     rests_on,
@@ -42,7 +41,7 @@ from dissertation.evidence.study_tables import (
     write_cell,
 )
 from structlearn.core import code_digests
-from structlearn.core.artefacts import write_csv
+from structlearn.core.artefacts import write_table
 from structlearn.core.errors import InputError
 from structlearn.reporting.document import UNKNOWN_COMMIT, source_commit
 
@@ -50,10 +49,8 @@ NAME = "toy/people"
 DESCRIPTION = Description(
     question="Does more help?",
     seeds=["learn.seed", "people.test"],
-    stages=["learn", "report"],
-    tables=["findings", "tables/rows"],
-    numbers=("cost*",),
-    variants={"published": {"parameters": {"report.factor": 10}, "first": "report"}},
+    stages=["learn", "results"],
+    variants={"published": {"parameters": {"results.factor": 10}, "first": "results"}},
 )
 LEARN = """
 import yaml
@@ -66,18 +63,19 @@ if learn['seed'] == 66:
     raise SystemExit('no such person')
 Path('data/learnt.txt').write_text(str(learn['seed'] * learn['steps']))
 """
-REPORT = """
+REDUCE = """
+import pandas as pd
 import yaml
 from pathlib import Path
+from structlearn.core.artefacts import write_table
 values = yaml.safe_load(open('params.yaml'))
-cost = int(Path('data/learnt.txt').read_text()) * values['report']['factor']
-Path('reports/toy/tables').mkdir(parents=True, exist_ok=True)
-head = 'name,case,value,low,high,n,unit,population,headline,study,reason\\n'
-runs = Path('data/count.txt').read_text()
-rows = f'cost,,{cost},,,1,,,False,,\\ncost_runs,,{runs},,,1,,,False,,\\nother,,1,,,1,,,False,,\\n'
-Path('reports/toy/findings.csv').write_text(head + rows)
-people = ''.join(f'{seed},\\n' for seed in values['people']['test'])
-Path('reports/toy/tables/rows.csv').write_text('seed,note\\n' + people)
+cost = int(Path('data/learnt.txt').read_text()) * values['results']['factor']
+runs, people = int(Path('data/count.txt').read_text()), values['people']['test']
+rows = [('cost', cost, person, 0.0) for person in people]
+rows += [('runs', runs, person, float('nan')) for person in people]  # applies to no setting
+table = pd.DataFrame(rows, columns=['quantity', 'value', 'person', 'setting'])
+table = table.assign(stage='toy_learn', unit='')
+write_table(table.astype({'value': float}), 'data/results/toy.parquet')
 """
 
 
@@ -87,13 +85,13 @@ MORE_STEPS = ("learn['steps'])", "learn['steps'] + 1)")  # a mutant in a method
 @pytest.fixture
 def scripts(tmp_path):
     """A project of two stages."""
-    for name, text in (("learn", LEARN), ("report", REPORT)):
+    for name, text in (("learn", LEARN), ("results", REDUCE)):
         path = tmp_path / f"stages/toy/{name}.py"
         path.parent.mkdir(parents=True, exist_ok=True)
         path.write_text(text)
-    stages = {"toy_learn": {"params": ["learn.steps", "learn.seed"]}, "toy_report": {"params": ["report"]}}
+    stages = {"toy_learn": {"params": ["learn.steps", "learn.seed"]}, "toy_results": {"params": ["results"]}}
     (tmp_path / "dvc.yaml").write_text(yaml.safe_dump({"stages": stages}))
-    values = {"learn": {"steps": 4, "seed": 1}, "report": {"factor": 1}, "people": {"test": [1, 2]}}
+    values = {"learn": {"steps": 4, "seed": 1}, "results": {"factor": 1}, "people": {"test": [1, 2]}}
     (tmp_path / "params.yaml").write_text(yaml.safe_dump(values))
     return tmp_path
 
@@ -127,12 +125,18 @@ def test_a_cell_is_named_by_its_seeds(cell, fault):
         seeds_of(cell)
 
 
+def each(results, quantity, variant="ours"):
+    """Values of a quantity in a variant, in order."""
+    return results.query("quantity == @quantity and variant == @variant")["value"].tolist()
+
+
 def test_a_cell_runs_all_stages_with_its_seeds_and_a_variant_those_that_it_changes(scripts):
-    tables = run_cell(NAME, DESCRIPTION, "5-7", scripts)
-    found = tables["findings"]
-    assert list(found) == ["variant", "cell", "cost", "cost_runs"]
-    assert found.to_numpy().tolist() == [["ours", "5-7", 20, 1], ["published", "5-7", 200, 1]]
-    assert tables["rows"]["seed"].tolist() == [5, 6, 7] * 2  # a list gets all seeds
+    results = run_cell(NAME, DESCRIPTION, "5-7", scripts)
+    assert list(results)[:2] == ["variant", "cell"]
+    assert each(results, "cost") == [20] * 3  # a list of seeds gets all of them
+    assert each(results, "cost", "published") == [200] * 3
+    assert each(results, "runs", "published") == [1] * 3
+    assert results["person"].tolist() == [5, 6, 7] * 4
     assert sorted(path.name for path in scripts.iterdir()) == ["dvc.yaml", "params.yaml", "stages"]
     with pytest.raises(InputError, match=r"cell 66: stages/toy/learn\.py: no such person"):
         run_cell(NAME, DESCRIPTION, "66", scripts)
@@ -142,16 +146,16 @@ def test_a_cell_runs_all_stages_with_its_seeds_and_a_variant_those_that_it_chang
 
 def test_cells_are_joined_with_those_in_git(toy):
     study = run(toy, "10", "9")
-    assert study.table["cell"].tolist() == ["9", "10"] * 2
+    assert study.results["cell"].tolist() == ["9", "9", "10", "10"] * 2
     assert list(study.made.cells) == ["9", "10"]
-    np.testing.assert_array_equal(study.values("ours", "cost"), [36, 40])
-    np.testing.assert_array_equal(study.values("published", "cost"), [360, 400])
+    assert each(study.results, "cost") == [36, 40]
+    assert each(study.results, "cost", "published") == [360, 400]
     (toy / "stages/toy/learn.py").write_text(LEARN.replace(*MORE_STEPS))
-    assert run(toy, "10").values("ours", "cost").tolist() == [36, 41]  # run anew by other code
+    assert each(run(toy, "10").results, "cost") == [36, 41]  # run anew by other code
     more = {"8": (run_cell(NAME, DESCRIPTION, "8", toy), ORIGIN)}
     assert list(joined(study, more, study.made.parameters, DESCRIPTION).made.cells) == ["8", "9", "10"]
     values = yaml.safe_load((toy / "params.yaml").read_text())
-    (toy / "params.yaml").write_text(yaml.safe_dump(values | {"report": {"factor": 2}}))
+    (toy / "params.yaml").write_text(yaml.safe_dump(values | {"results": {"factor": 2}}))
     with pytest.raises(InputError, match=r"made with other parameters.*make studies NAME=toy/people"):
         check_study(NAME, DESCRIPTION, toy)
     alone = joined(study, more, made_with(NAME, DESCRIPTION, toy), DESCRIPTION)
@@ -161,54 +165,38 @@ def test_cells_are_joined_with_those_in_git(toy):
         join_study(NAME, DESCRIPTION, toy)
 
 
-def test_a_study_is_quoted_only_with_its_parameters_whoever_the_pipeline_shows(toy):
-    def read(**changes):
-        values = changed({"learn": {"steps": 4, "seed": 1}, "report": {"factor": 1}}, changes)
-        (toy / "params.yaml").write_text(yaml.safe_dump(values))
-        return read_study(NAME, toy / RESULTS, toy / "params.yaml")
-
-    assert read() is None
-    (toy / "params.yaml").write_text((toy / "params.yaml").read_text() + "people: {test: [1, 2]}\n")
+def test_a_study_is_read_whatever_its_parameters_and_damage_is_named(toy):
+    assert read_study(NAME, toy / RESULTS) is None
     run(toy, "3")
-    assert read() is not None
-    assert read(**{"learn.seed": 8}) is not None
-    assert read(**{"learn.steps": 5}) is None
-    (toy / RESULTS / NAME / "findings.csv").write_text("variant,cost\nours\npublished,1,2,3\n")
-    with pytest.raises(InputError, match=r"findings\.csv: not a table"):
-        read()
-
-
-def test_rows_of_a_study_come_below_those_of_this_run():
-    own = pd.DataFrame({"seed": [1, 2], "met": [True, False], "why": ["", "late"]})
-    cells = {"variant": "ours", "cell": "2-3", "seed": [2, 3], "met": [True, True], "why": [np.nan, np.nan]}
-    whole = extended(own, Study({"rows": pd.DataFrame(cells)}), "rows")
-    assert whole.to_numpy().tolist() == [[1, True, ""], [2, False, "late"], [3, True, ""]]
-    assert whole.dtypes.equals(own.dtypes)
-    assert extended(own, None, "rows") is own
+    assert read_study(NAME, toy / RESULTS).made.parameters
+    (toy / RESULTS / NAME / "results.parquet").write_text("variant,cost")
+    with pytest.raises(InputError, match=r"results\.parquet: "):
+        read_study(NAME, toy / RESULTS)
 
 
 def test_a_cell_that_was_run_again_is_held_against_the_table(toy):
     study = run(toy, "9", "10")
     assert check_study(NAME, DESCRIPTION, toy) == []
     check = stored_study(toy / RESULTS / NAME).made.check
-    assert (check.cell, check.exact, check.compared, check.different) == ("10", True, 8, [])
-    found = run_cell(NAME, DESCRIPTION, "9", toy)
-    near, far = (share * TOLERANCE * study.tables["findings"]["cost"].std() for share in (0.5, 2.0))
+    assert (check.cell, check.exact, check.compared, check.different) == ("10", True, 4, [])
+    again = run_cell(NAME, DESCRIPTION, "9", toy)
+    spread = np.std(each(study.results, "cost"), ddof=1)
     elsewhere = {"9": Origin(commit="a1b2c3d", processor="another"), "10": study.made.cells["10"]}
-    other = Study(study.tables, study.made.model_copy(update={"cells": elsewhere}))
-    for offset, of, different in (
+    other = Study(study.results, study.made.model_copy(update={"cells": elsewhere}))
+    for share, of, different in (
         (0.0, study, []),
-        (near, study, ["findings.cost"]),
-        (near, other, []),
-        (far, other, ["findings.cost"]),
+        (0.5, study, ["cost"]),
+        (0.5, other, []),
+        (30.0, other, ["cost"]),
     ):
-        moved = found | {"findings": found["findings"].assign(cost=found["findings"]["cost"] + offset)}
-        check = compare(moved, of, "9", toy)
+        offset = np.where(again["quantity"] == "cost", share * TOLERANCE * spread, 0.0)
+        check = compare(again.assign(value=again["value"] + offset), of, "9", toy)
         assert (check.different, check.exact, check.processor) == (different, of is study, processor())
-    shorter = compare(found | {"rows": found["rows"][:1]}, study, "9", toy)
-    assert shorter.different == ["rows.seed", "rows.note"]
+    assert compare(again[again["quantity"] == "cost"], study, "9", toy).different == [
+        "runs"
+    ]  # lacks a quantity
     (toy / "stages/toy/learn.py").write_text(LEARN.replace(*MORE_STEPS))
-    assert check_study(NAME, DESCRIPTION, toy) == ["toy/people: findings.cost"]
+    assert check_study(NAME, DESCRIPTION, toy) == ["toy/people: cost"]
 
 
 ORIGIN, LATER = (Origin(commit=commit, processor="here") for commit in ("a1b2c3d", "e4f5a6b"))
@@ -222,13 +210,13 @@ CHECK = Check(cell="3", commit="0a1b2c3", processor="here", exact=True, compared
         ([ORIGIN], None, "a1b2c3d", ""),
         ([ORIGIN, ORIGIN, LATER], {}, "a1b2c3d (2 cells: 1 to 2) and e4f5a6b (1 cell: 3)", "equal"),
         ([ORIGIN], {"exact": False}, "a1b2c3d", WITHIN),
-        ([ORIGIN], {"different": ["findings.cost"]}, "a1b2c3d", "findings.cost differ"),
+        ([ORIGIN], {"different": ["cost"]}, "a1b2c3d", "cost differ"),
     ],
 )
 def test_a_study_says_by_whose_code_each_cell_was_made_and_which_was_run_again(cells, check, made, outcome):
     again = None if check is None else CHECK.model_copy(update=check)
     origins = {str(number): origin for number, origin in enumerate(cells, 1)}
-    study = Study({}, StudyProvenance(parameters={}, seeds=[], cells=origins, check=again))
+    study = Study(pd.DataFrame(), StudyProvenance(parameters={}, seeds=[], cells=origins, check=again))
     told = f"; cell 3 repeated by 0a1b2c3: 70 numbers, {outcome}" if outcome else ", not repeated since"
     words = f"made by commit {made}{told}"
     assert provenance(study) == words
@@ -291,12 +279,11 @@ def test_every_study_names_what_is_there_and_nobody_on_whom_constants_were_chose
     assert not set(seeds) & set(population["tuning"])
     if (root / RESULTS / name / "study.json").exists():
         study = read_study(name)
-        assert study is not None, f"make studies NAME={name}: parameters have changed since"
+        assert study.made.parameters == made_with(name, description, root), f"make studies NAME={name}"
         assert set(study.made.cells) <= {str(cell) for cell in planned["foreach"]}
         assert study.made.check is None or study.made.check.different == []
-        for table in study.tables.values():
-            assert set(table["variant"]) == {"ours", *description.variants}
-            assert set(table["cell"]) == set(study.made.cells)
+        assert set(study.results["variant"]) == {"ours", *description.variants}
+        assert set(study.results["cell"]) == set(study.made.cells)
 
 
 def test_the_page_lists_every_study(root, monkeypatch):
@@ -305,12 +292,12 @@ def test_the_page_lists_every_study(root, monkeypatch):
     for made in root.glob(f"{RESULTS}/*/*/study.json"):
         name = made.parent.relative_to(root / RESULTS).as_posix()
         assert name in page
-        assert all(f'href="{name}/{table.name}"' in page for table in made.parent.glob("*.csv"))
+        assert f'href="{name}/results.parquet"' in page
         assert provenance(stored_study(made.parent))[5:30] in page
 
 
 def test_a_study_that_was_run_without_numbers_says_so(tmp_path):
-    write_csv(pd.DataFrame({"variant": ["ours"], "cell": ["1"]}), tmp_path / "findings.csv")
+    write_table(pd.DataFrame({"variant": ["ours"], "cell": ["1"]}), tmp_path / "results.parquet")
     (tmp_path / "study.json").write_text('{"parameters": {}}')
     with pytest.raises(InputError, match=r"study\.json: .*cells: Field required"):
         stored_study(tmp_path)

@@ -50,8 +50,8 @@ DESCRIPTIONS = Path("stages/studies/studies.yaml")
 REPRODUCTION = Path(__file__).parents[1]
 CELLS = Path("data/studies")
 TOLERANCE = 0.05
-"""Mean deviation of a quantity over its standard deviation in the study, on another type of processor: kernels
-round differently, and training and simulation drift apart, by up to 0.03 where nothing else changed."""
+"""Mean deviation of a quantity over its standard deviation in the study, on another type of processor:
+kernels round differently, and training and simulation drift apart, by up to 0.03 if nothing else changed."""
 
 
 class Variant(Parameters):
@@ -121,10 +121,8 @@ def run_cell(name: str, description: Description, cell: str, root: Path) -> pd.D
             (folder / "params.yaml").write_text(text, encoding="utf-8")
             for stage in description.stages[description.stages.index(its.first) :]:
                 run_stage(f"stages/{testbed}/{stage}.py", folder, root, cell)
-            own = read_results(testbed, folder / FOLDER)
-            made.append(
-                own.assign(variant=variant, cell=cell)[[*KEYS, *own.columns.drop("variant", errors="ignore")]]
-            )
+            results = read_results(testbed, folder / FOLDER).assign(variant=variant, cell=cell)
+            made.append(results[[*KEYS, *results.columns.drop(KEYS)]])
     return pd.concat(made, ignore_index=True)
 
 
