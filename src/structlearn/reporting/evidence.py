@@ -50,9 +50,11 @@ class Evidence:
 
 def within(value: float, ends: Callable[[float], Ends], n: int, comparisons: int = 1) -> Evidence:
     """Evidence on one of `comparisons` cases, from the interval's ends as a function of its confidence."""
-    (low, high), (least, most) = ends(confidence(1)), ends(confidence(comparisons))
-    widened = (float(least), float(most)) if comparisons > 1 else None
-    return Evidence(value, float(low), float(high), n, widened=widened)
+    low, high = map(float, ends(confidence(1)))
+    if comparisons == 1:
+        return Evidence(value, low, high, n)
+    least, most = map(float, ends(confidence(comparisons)))
+    return Evidence(value, low, high, n, widened=(least, most))
 
 
 def confidence(comparisons: int) -> float:
