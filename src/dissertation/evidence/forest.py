@@ -90,7 +90,8 @@ def draw_strip(axes: Axes, strip: Strip) -> None:
 
 def _legend() -> list[Line2D]:
     handles = [
-        Line2D([], [], color=colour, marker="o", markersize=3.5, label=name) for name, colour in COLOURS.items()
+        Line2D([], [], color=colour, marker="o", markersize=3.5, label=name)
+        for name, colour in COLOURS.items()
     ]
     tick = {"color": BLACK, "marker": "|", "linestyle": "none", "markersize": 9, "markeredgewidth": 1.6}
     handles.append(Line2D([], [], label="published", **tick))
