@@ -68,12 +68,12 @@ def exact(value: float, n: int = 1) -> Evidence:
     return Evidence(float(value), float(value), float(value), n)
 
 
-def largest(samples: np.ndarray) -> Evidence:
+def maximum(samples: np.ndarray) -> Evidence:
     """Largest of N values (N,), for statements that hold for each."""
     return exact(np.max(samples), len(samples))
 
 
-def smallest(samples: np.ndarray) -> Evidence:
+def minimum(samples: np.ndarray) -> Evidence:
     """Smallest of N values (N,)."""
     return exact(np.min(samples), len(samples))
 

@@ -23,7 +23,7 @@ from structlearn.core.artefacts import Metrics, read_csv
 from structlearn.reporting import evidence
 from structlearn.reporting.evidence import UNKNOWN, Evidence, Found, unknown
 
-EXACT = (evidence.exact, evidence.exact_count, evidence.largest, evidence.smallest)  # without an interval
+EXACT = (evidence.exact, evidence.exact_count, evidence.maximum, evidence.minimum)  # without an interval
 COLUMNS = ["name", "case", "value", "low", "high", "n", "unit", "population", "headline", "study", "reason"]
 
 
