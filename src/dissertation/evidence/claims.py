@@ -33,7 +33,7 @@ from structlearn.core.artefacts import read_csv
 from structlearn.core.params import Parameters, read_values
 from structlearn.core.rates import rate_interval
 from structlearn.reporting.document import environment
-from structlearn.reporting.evidence import NOT_TESTED, Evidence, Found, in_words
+from structlearn.reporting.evidence import NOT_TESTED, Evidence, Found, in_words, number_in_words
 from structlearn.reporting.prose import capitalised
 
 YES, NO, UNDECIDED = "yes", "no", "undecided"
@@ -119,6 +119,14 @@ class Claim(Parameters):
                 return NO_DIFFERENCE
         return BY_CONSTRUCTION if self.by_construction and verdict == YES else verdict
 
+    def test_of(self, case: str) -> str:
+        """Name of the test of a case, capitalised or not."""
+        return str(_of_case(self.test, case))
+
+    def bound_of(self, case: str) -> Any:
+        """Bound of a case, capitalised or not."""
+        return _of_case(self.bound, case)
+
     def would_decide(self, found: Evidence, case: str = "", cases: int = 1) -> str:
         """Sample size that would decide an undecided case, e.g. `about 27 would decide`; otherwise empty.
 
@@ -172,7 +180,9 @@ def _sample_decides(n: int, distance: float, levels: tuple[float, float]) -> boo
 
 
 def _of_case(given: Any, case: str) -> Any:
-    return given[case] if isinstance(given, dict) else given
+    if not isinstance(given, dict):
+        return given
+    return given[case] if case in given else {capitalised(name): one for name, one in given.items()}[case]
 
 
 @dataclass(frozen=True)
@@ -182,7 +192,7 @@ class Judged:
     claim: Claim  # with rendered texts
     cases: tuple[tuple[str, str, int, str], ...]  # name (empty if there is only one), number, n, verdict
     verdict: str  # over all cases
-    studies: tuple[str, ...] = ()  # by case, see `Evidence.study`
+    found: tuple[Evidence, ...] = ()  # by case
     would_decide: tuple[str, ...] = ()  # by case, see `Claim.would_decide`
     heading: str = ""  # name of the data set, on pages with several
     simulated: str = ""  # verdict on the claim's counterpart; empty if unknown
@@ -229,7 +239,7 @@ def _judged(claim: Claim, found: Found, facts: Mapping[str, object]) -> Judged:
         claim=claim.model_copy(update=texts),
         cases=cases,
         verdict=combined([case[-1] for case in cases]),
-        studies=tuple(one.study for one in by_case.values()),
+        found=tuple(by_case.values()),
         would_decide=tuple(claim.would_decide(one, case, undecided) for case, one in by_case.items()),
     )
 
@@ -255,21 +265,37 @@ def verdict_in(table: pd.DataFrame, counterpart: Counterpart) -> str:
     return combined(list(rows["verdict"])) if len(rows) else ""
 
 
-def claims_table(judged: Sequence[Judged]) -> pd.DataFrame:
-    """Table for `claims.csv`: one row per case of each claim, with the data set if there are several."""
+def claims_table(judged: Sequence[Judged], pages: Mapping[str, str] | None = None) -> pd.DataFrame:
+    """Table for `claims.csv`: one row per case of each claim, with the data set if there are several.
+
+    `number` is `here` without its interval; `low` and `high` are the interval's ends; `bound` is that of the
+    test, two of a range; `page` has the row (`pages` by evidence).
+    """
     rows = []
     for one in judged:
         claim = one.claim
-        like = claim.simulated.model_dump_json() if claim.simulated else ""
-        for case, study, more in zip_longest(one.cases, one.studies, one.would_decide, fillvalue=""):
-            told = (claim.by, claim.statement, claim.source, claim.published, *case, one.verdict)
-            told += (claim.by_construction, study, claim.evidence, more)
-            rows.append((*told, one.heading, one.simulated, like))
-    columns = ["by", "statement", "source", "published", "case", "here", "n", "verdict", "verdict_of_all"]
-    columns += ["by_construction", "study", "evidence", "would_decide"]
-    of_sets = ["set", "simulated", "counterpart"]
-    table = pd.DataFrame(rows, columns=[*columns, *of_sets])
-    return table if any(one.heading for one in judged) else table[columns]
+        shared = {name: getattr(claim, name) for name in ("by", "statement", "source", "published")}
+        shared |= {"verdict_of_all": one.verdict, "by_construction": claim.by_construction}
+        shared |= {"evidence": claim.evidence, "page": (pages or {}).get(claim.evidence, "index")}
+        of_set = {"set": one.heading, "simulated": one.simulated}
+        of_set["counterpart"] = claim.simulated.model_dump_json() if claim.simulated else ""
+        for cell, found, more in zip_longest(one.cases, one.found, one.would_decide, fillvalue=None):
+            case, here, n, verdict = cell or ("", "", 0, "")
+            row = {"case": case, "here": here, "n": n, "verdict": verdict, "would_decide": more or ""}
+            if found is not None:
+                row |= {"number": number_in_words(found, claim.format), "study": found.study}
+                row |= {"value": found.value, "low": found.low, "high": found.high}
+                row |= {"unit": claim.unit or found.unit, "test": claim.test_of(case)}
+                row["bound"] = " ".join(f"{bound:g}" for bound in np.atleast_1d(claim.bound_of(case)))
+            rows.append(shared | row | of_set)
+    table = pd.DataFrame(rows).reindex(columns=[*COLUMNS, *OF_SETS])
+    return table if any(one.heading for one in judged) else table[COLUMNS]
+
+
+COLUMNS = ["by", "statement", "source", "published", "case", "here", "n", "verdict", "verdict_of_all"]
+COLUMNS += ["by_construction", "study", "evidence", "would_decide"]
+COLUMNS += ["number", "value", "low", "high", "unit", "test", "bound", "page"]
+OF_SETS = ["set", "simulated", "counterpart"]  # columns of tables with several data sets
 
 
 @dataclass(frozen=True)

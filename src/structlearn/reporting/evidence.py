@@ -239,3 +239,13 @@ def _number(found: Evidence, number_format: str, unit: str) -> str:
     if found.low != found.high:
         text += f" {interval(found.low, found.high, number_format)}"
     return f"{text} {unit or found.unit}".rstrip()
+
+
+def number_in_words(found: Evidence, number_format: str) -> str:
+    """The number alone, e.g. `0.36`, `26 %`, `3 of 63`; see `in_words`."""
+    if np.isnan(found.value):
+        return NOT_TESTED
+    if number_format == "share":
+        return percent(found.value, 1, 1)
+    alone = replace(found, low=found.value, high=found.value, unit="", remark="")
+    return _number(alone, number_format, "")
