@@ -73,7 +73,8 @@ bench: $(INSTALLED) .venv/installed-bench  ## time inner loops against public li
 	  $(BIN)/python benchmarks/run.py --output $(BENCH)/table.csv; \
 	  $(BIN)/python benchmarks/controller.py; \
 	  $(BIN)/python benchmarks/growth.py --output $(BENCH); \
-	  $(BIN)/python benchmarks/workers.py --output $(BENCH)/workers.csv; } | tee $(BENCH)/bench.txt'
+	  $(BIN)/python benchmarks/workers.py --output $(BENCH)/workers.csv; \
+	  $(BIN)/python benchmarks/share_coverage.py --output $(BENCH)/share_coverage.csv; } | tee $(BENCH)/bench.txt'
 
 # Where a stage and its processes spend their time: a flame graph, e.g. `make profile STAGE=stages/dynamics/online.py`.
 STAGE ?= stages/scraping/segment.py

@@ -1,12 +1,14 @@
 """The evaluator of claims: one vocabulary, intervals against bounds, cases combined."""
 
 from dataclasses import replace
+from itertools import permutations
 
 import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 from jinja2 import UndefinedError
+from scipy.stats import binomtest
 
 from dissertation.evidence.claims import (
     BY_CONSTRUCTION,
@@ -27,19 +29,21 @@ from structlearn.reporting.evidence import (
     NOT_TESTED,
     UNKNOWN,
     Evidence,
-    by_case,
     clustered_share,
     difference,
     exact,
     exact_count,
     geometric_mean,
     in_words,
+    largest,
     mean,
-    none_of,
+    median,
     rate_difference,
     share,
+    smallest,
     unknown,
 )
+from structlearn.reporting.findings import Findings
 from structlearn.reporting.prose import percent
 
 
@@ -167,69 +171,111 @@ def test_metrics_count_what_the_dissertation_states():
     assert list(claims_table(rows)["verdict"]) == [YES, YES, NO]
 
 
-def covered(rate, correlation, people=8, trials=63, draws=400):
-    """How often intervals hold the rate of a beta-binomial population: over people, and pooled."""
-    rng = np.random.default_rng(0)
-    strength = 1.0 / correlation - 1.0
-    own = rng.beta(rate * strength, (1.0 - rate) * strength, size=(draws, people))
-    found = [clustered_share(counts, np.full(people, trials)) for counts in rng.binomial(trials, own)]
-    return (
-        np.mean([one.low <= rate <= one.high for one in found]),
-        np.mean([one.pooled_low <= rate <= one.pooled_high for one in found]),
-    )
-
-
-@pytest.mark.parametrize(
-    ("rate", "correlation", "least", "pooled_most"),
-    [
-        (0.5, 0.1, 0.93, 0.65),
-        (0.05, 0.1, 0.82, 0.60),  # rare: see `clustered_share`
-        (0.01, 0.4, 0.99, 0.30),  # mostly nobody hits
-        (0.05, 0.99, 0.95, 0.05),  # a person does it always or never
-    ],
-)
-def test_the_interval_over_people_covers_where_the_pooled_one_does_not(rate, correlation, least, pooled_most):
-    over_people, pooled = covered(rate, correlation)
-    assert over_people >= least
-    assert pooled <= pooled_most
-
-
-def test_where_nobody_hits_people_count_and_not_their_trials():
-    for trials in (1, 63, 10_000):
-        none, every = (clustered_share(8 * [count], 8 * [trials]) for count in (0, trials))
-        assert none.high == pytest.approx(max(1.0 - 0.05 ** (1 / 8), none.pooled_high))
-        assert (every.low, every.high) == pytest.approx((1.0 - none.high, 1.0))
-    found = clustered_share(8 * [0], 8 * [63])
-    assert in_words(found, "share") == "0.0 % [0.0, 31.2] over 8 people, [0.0, 0.8] pooled"
-    assert claim("at most", 0.05).verdict(found) == UNDECIDED
-    of_two = by_case(clustered_share, {case: [[0] * 8, [63] * 8] for case in "ab"})["a"]
-    assert of_two.high == none_of(8, comparisons=2) == pytest.approx(0.369, abs=5e-4)
-    assert (found.n, found.people) == (504, 8)
-
-
-def test_a_difference_of_rates_has_an_interval_where_nobody_differs():
-    nobody = rate_difference(np.zeros(8), np.zeros(8))
-    assert (nobody.low, nobody.value, nobody.high) == pytest.approx((-31.2, 0.0, 31.2), abs=0.05)
-    assert claim("above").verdict(nobody) == UNDECIDED
-    first = np.array([0.1, 0.2, 0.3])
-    assert rate_difference(first, 0.5 * first) == difference(100 * first, 50 * first)
-    pairs = difference(first, first - 0.05)
-    assert (pairs.value, pairs.low, pairs.n) == pytest.approx((0.05, 0.05, 3))
-
-
-def test_cases_of_every_maker_are_widened():
+def test_yes_rests_on_each_cases_own_interval_and_no_on_the_widened_one():
     samples = np.array([0.5, 0.7, 0.9, 0.8])
+    alone, of_many = mean(samples), mean(samples, comparisons=20)
+    assert (alone.low, alone.high) == (of_many.low, of_many.high)
+    assert of_many.refuting[0] < of_many.low < of_many.high < of_many.refuting[1]
+    yes, no = ("at least", of_many.low), ("at most", of_many.low - 1e-9)
+    assert [claim(*yes).verdict(one) for one in (alone, of_many)] == [YES, YES]
+    assert [claim(*no).verdict(one) for one in (alone, of_many)] == [NO, UNDECIDED]
+    near = claim(
+        "above", samples.mean(), margin={"size": 1.01 * (of_many.high - of_many.value), "reason": "-"}
+    )
+    assert near.verdict(of_many) == NO_DIFFERENCE
+
+
+def test_makers_widen_what_refutes_among_several_cases():
+    samples = np.array([0.5, 0.7, 0.9, 0.8, 0.6, 0.4, 1.1, 1.4, 0.3])
+    counts = (np.array([3, 4, 5]), np.array([40, 40, 40]))
     for make, arguments in (
         (mean, [samples]),
         (geometric_mean, [samples]),
-        (difference, [samples, np.zeros(4)]),
+        (median, [samples]),
+        (difference, [samples, np.zeros(9)]),
         (share, [3, 40]),
-        (clustered_share, [[3, 4, 5], [40, 40, 40]]),
+        (clustered_share, counts),
+        (rate_difference, [counts, (counts[0] - 2, counts[1])]),
     ):
-        alone, among = make(*arguments), by_case(make, {"a": arguments, "b": arguments})["a"]
-        assert among.low < alone.low
-        assert among.high > alone.high
-        assert among.value == alone.value
+        alone, among = make(*arguments), make(*arguments, comparisons=2)
+        assert replace(among, widened=None) == alone
+        assert among.refuting[0] < alone.low < alone.value < alone.high < among.refuting[1]
+
+
+ENDS = st.tuples(st.floats(-1, 1), st.floats(0, 1), st.floats(0, 1), st.floats(0, 1), st.floats(0, 1))
+
+
+@given(st.lists(ENDS, min_size=1, max_size=5), st.floats(-1, 1))
+def test_the_smallest_and_the_largest_decide_like_all_cases(ends, bound):
+    found = {
+        str(place): Evidence(value, value - a, value + b, 9, widened=(value - a - c, value + b + d))
+        for place, (value, a, b, c, d) in enumerate(ends)
+    }
+    for test, joined in (("above", smallest), ("below", largest)):
+        (row,) = judged([claim(test, bound)], {"e": found})
+        one = joined(found.values())
+        assert claim(test, bound).verdict(one) == row.verdict
+        assert one.low <= one.value <= one.high
+
+
+def test_one_unknown_case_leaves_the_smallest_unknown():
+    missing = unknown("nobody came")
+    assert smallest([exact(1.0), missing]) is missing
+    assert largest([exact(1.0), missing]).reason == "nobody came"
+    assert claim().verdict(smallest([])) == NOT_TESTED
+
+
+def test_where_nobody_hits_the_words_say_how_many_were_asked():
+    found = clustered_share(np.zeros(40), np.full(40, 40))
+    assert in_words(found, "share") == "0.0 % [0.0, 1.4] over 40 people"
+    assert claim("at most", 0.05).verdict(found) == YES
+    assert (found.n, found.people) == (1600, 40)
+    hits = np.arange(8)
+    assert in_words(clustered_share(hits, np.full(8, 20)), "share").endswith("over 8 people, ICC 0.06")
+    assert clustered_share(np.zeros(0), np.zeros(0)) == UNKNOWN
+
+
+def test_an_independent_share_has_clopper_and_pearsons_interval():
+    expected = binomtest(3, 40).proportion_ci(0.95)
+    assert (share(3, 40).low, share(3, 40).high) == pytest.approx(expected, abs=2e-4)
+    assert in_words(share(3, 40), "share") == "7.5 % [1.6, 20.4]"
+
+
+def test_a_difference_of_rates_has_an_interval_where_nobody_differs():
+    none = (np.zeros(8), np.full(8, 63))
+    nobody = rate_difference(none, none)
+    assert nobody.low == -nobody.high
+    assert 100 * clustered_share(*none).high <= nobody.high < 15.0
+    assert claim("above").verdict(nobody) == UNDECIDED
+    trials = np.full(12, 63)
+    many, few = np.arange(24, 36), np.arange(12)
+    apart, back = (rate_difference(*its) for its in permutations(((many, trials), (few, trials))))
+    assert claim("above").verdict(apart) == YES
+    assert (apart.value, apart.low, apart.high) == pytest.approx((-back.value, -back.high, -back.low))
+    unpaired = rate_difference((many, trials), (few[::-1], trials))
+    assert apart.high - apart.low < unpaired.high - unpaired.low
+    assert rate_difference(([], []), ([], [])) == UNKNOWN
+
+
+@given(
+    st.lists(st.tuples(st.integers(0, 30), st.integers(0, 30), st.integers(1, 30)), min_size=1, max_size=9)
+)
+def test_every_rate_lies_inside_its_interval(people):
+    first, second, trials = (np.array(column) for column in zip(*people, strict=True))
+    found = clustered_share(np.minimum(first, trials), trials)
+    assert 0.0 <= found.low <= found.value <= found.high <= 1.0
+    apart = rate_difference(*((np.minimum(its, trials), trials) for its in (first, second)))
+    assert apart.value - apart.low >= -1e-9
+    assert apart.value <= apart.high + 1e-9
+
+
+def test_a_skewed_quantity_has_an_interval_that_stays_positive():
+    epochs = np.array([5.0, 5.1, 4.9, 5.2, 5.3, 4.8, 503.0])
+    assert mean(epochs).low < 0.0
+    for make in (median, geometric_mean):
+        assert 0.0 < make(epochs).low < make(epochs).value < make(epochs).high
+    assert (median(epochs).low, median(epochs).value, median(epochs).high) == (4.8, 5.1, 503.0)
+    assert claim().verdict(median(epochs[:5])) == UNDECIDED  # too few for an interval
 
 
 def test_what_recordings_say_of_a_simulated_statement_stands_beside_it():
@@ -253,17 +299,37 @@ def test_what_recordings_say_of_a_simulated_statement_stands_beside_it():
     assert on_recordings(claims_table([]).assign(set="", counterpart=""), "reaching", claims_table(own)) == []
 
 
-def test_as_many_as_would_decide_do_so_in_four_of_five_draws():
+@pytest.mark.parametrize("cases", [1, 3])
+def test_as_many_as_would_decide_do_so_in_four_of_five_draws(cases):
     """The spread and mean that were found are taken as true, so these are drawn from."""
     rng = np.random.default_rng(0)
     first = rng.standard_normal(9)
     first = 0.4 + (first - first.mean()) / first.std(ddof=1)
-    count = int(claim().would_decide(mean(first)).split()[1])
-    verdicts = [claim().verdict(mean(draw)) for draw in 0.4 + rng.standard_normal((1000, count))]
-    assert verdicts.count(YES) / len(verdicts) == pytest.approx(0.8, abs=0.06)
+    count = int(claim().would_decide(mean(first), cases=cases).split()[1])
+    draws = 0.4 + rng.standard_normal((1000, cases, count))
+    verdicts = [combined([claim().verdict(mean(one)) for one in draw]) for draw in draws]
+    assert verdicts.count(YES) / len(verdicts) == pytest.approx(0.8, abs=0.04)
+
+
+def test_a_no_among_several_cases_takes_more():
+    found = mean(np.array([-1.0, 2.0, 3.0, 1.0]), comparisons=9)
+    alone = replace(found, widened=None)
+    assert [claim("above").would_decide(one) for one in (found, alone)] == 2 * ["about 17 would decide"]
+    assert [claim("below").would_decide(one) for one in (found, alone)] == [
+        "about 28 would decide",
+        "about 17 would decide",
+    ]
+
+
+def test_no_fewer_would_decide_than_did_not():
+    three = mean(np.array([0.1, 1.0, 1.9]))  # with 3, the t quantile is 4.3
+    assert claim().would_decide(three) == "about 9 would decide"
+    barely = Evidence(1.0, -1e-9, 2.0, 3)
+    assert claim().would_decide(barely) == "about 4 would decide"
     for found, words in (
         (Evidence(1.0, 0.5, 1.5, 8), ""),
         (Evidence(0.01, -1.0, 1.02, 8), "more than 500 would decide"),
+        (mean(np.array([1.0])), ""),
         (UNKNOWN, ""),
     ):
         assert claim().would_decide(found) == words
@@ -271,8 +337,16 @@ def test_as_many_as_would_decide_do_so_in_four_of_five_draws():
 
 def test_nobody_of_a_few_leaves_a_rate_open_until_enough_were_asked():
     rare = claim("at most", 0.05)
-    none_of_8, none_of_58, none_of_59 = (
-        clustered_share(people * [0], people * [40]) for people in (8, 58, 59)
-    )
-    assert rare.would_decide(none_of_8) == "about 59 would decide"
-    assert [rare.verdict(none_of_58), rare.verdict(none_of_59)] == [UNDECIDED, YES]
+    found = {people: clustered_share(people * [0], people * [40]) for people in range(4, 20)}
+    open_ones = [people for people, one in found.items() if rare.verdict(one) == UNDECIDED]
+    assert open_ones == list(range(4, open_ones[-1] + 1))
+    assert rare.would_decide(found[4]) == f"about {open_ones[-1] + 1} would decide"
+    often = claim("at least", 0.95)
+    assert often.would_decide(clustered_share(4 * [40], 4 * [40])) == rare.would_decide(found[4])
+
+
+def test_a_claim_without_a_unit_has_that_of_its_finding():
+    find = Findings()
+    find.exact("e", 3.0, unit="mm")
+    words = [judged([claim(unit=unit)], find)[0].cases[0][1] for unit in ("", "mm more")]
+    assert words == ["3.00 mm", "3.00 mm more"]

@@ -28,6 +28,7 @@ def test_cases_cover_together_and_one_without_samples_widens_nothing():
     find = Findings()
     found = find.mean("error", {"a": SAMPLES, "b": 2 * SAMPLES, "c": SAMPLES[:0]}, missing="c never ran")
     assert found["a"] == find["error"]["a"] == mean(SAMPLES, comparisons=2)
+    assert found["a"].refuting[0] < found["a"].low
     assert found["c"].reason == "c never ran"
     assert list(find.numbers()) == ["error_a", "error_b"]
 

@@ -14,7 +14,7 @@ from dissertation.evidence.results import (
     with_study,
 )
 from dissertation.evidence.studies import Study, StudyProvenance, digests
-from structlearn.reporting.evidence import largest, mean
+from structlearn.reporting.evidence import maximum, mean
 from structlearn.reporting.findings import Findings
 
 KEYS = {"person": int, "model": str}
@@ -68,7 +68,7 @@ def register():
         costs = results.wide("cost", "model")
         return {"ours": costs["none"] - costs["ours"]} if len(costs) else {"ours": None}
 
-    its.finding(largest, name="largest_error")(lambda results: results.each("error"))
+    its.finding(maximum, name="largest_error")(lambda results: results.each("error"))
     return its
 
 

@@ -9,13 +9,17 @@ evidence is looked up by name (`Evidence`). Verdicts:
     not tested      there is no evidence
     holds by construction   no measurement could refute the claim
 
-A claim with several cases (people, primitives, models) is yes only if every case is, and no if any is. Their
-intervals are widened for a joint coverage of 95 % (`comparisons`).
+A claim with several cases (people, primitives, models) is yes only if every case is, and no if any is. Yes
+and no difference rest on each case's 95 % interval: they are wrong only if that of a failing case is. No
+rests on the interval widened for a joint coverage of 95 % (`Evidence.refuting`), because one of many cases
+fails by chance.
 """
 
+from bisect import bisect_left
 from collections import Counter
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from functools import partial
 from itertools import zip_longest
 from pathlib import Path
 from typing import Any, Literal
@@ -23,12 +27,13 @@ from typing import Any, Literal
 import numpy as np
 import pandas as pd
 from pydantic import PositiveFloat, model_validator
-from scipy.special import ndtri, stdtrit
+from scipy.special import stdtr, stdtrit
 
 from structlearn.core.artefacts import read_csv
 from structlearn.core.params import Parameters, read_values
+from structlearn.core.rates import rate_interval
 from structlearn.reporting.document import environment
-from structlearn.reporting.evidence import NOT_TESTED, Evidence, Found, in_words
+from structlearn.reporting.evidence import NOT_TESTED, Evidence, Found, in_words, number_in_words
 from structlearn.reporting.prose import capitalised
 
 YES, NO, UNDECIDED = "yes", "no", "undecided"
@@ -41,12 +46,13 @@ def _decided(holds: bool, fails: bool) -> str:
 
 
 TESTS: Mapping[str, Callable[[Evidence, Any], str]] = {
-    "above": lambda found, bound: _decided(found.low > bound, found.high <= bound),
-    "below": lambda found, bound: _decided(found.high < bound, found.low >= bound),
-    "at most": lambda found, bound: _decided(found.high <= bound, found.low > bound),
-    "at least": lambda found, bound: _decided(found.low >= bound, found.high < bound),
+    "above": lambda found, bound: _decided(found.low > bound, found.refuting[1] <= bound),
+    "below": lambda found, bound: _decided(found.high < bound, found.refuting[0] >= bound),
+    "at most": lambda found, bound: _decided(found.high <= bound, found.refuting[0] > bound),
+    "at least": lambda found, bound: _decided(found.low >= bound, found.refuting[1] < bound),
     "between": lambda found, bound: _decided(
-        bound[0] <= found.low and found.high <= bound[1], found.high < bound[0] or found.low > bound[1]
+        bound[0] <= found.low and found.high <= bound[1],
+        found.refuting[1] < bound[0] or found.refuting[0] > bound[1],
     ),
     "zero": lambda found, bound: _decided(found.low == found.high == 0.0, found.value != 0.0),
 }
@@ -85,7 +91,7 @@ class Claim(Parameters):
     margin: Margin | None = None  # for an equivalence test; None: only yes, no and undecided
     published: str = ""  # as printed in the dissertation
     format: str = ".2f"  # of numbers; `percent` for ratios, `share` for rates, `count` for `3 of 63`
-    unit: str = ""  # of numbers
+    unit: str = ""  # of numbers, with the direction of a difference or ratio (`ms less`); else the finding's
     note: str = ""  # what else a reader must know
     by_construction: str = ""  # why no measurement could refute it
     simulated: Counterpart | None = None  # for claims about recorded data
@@ -113,31 +119,70 @@ class Claim(Parameters):
                 return NO_DIFFERENCE
         return BY_CONSTRUCTION if self.by_construction and verdict == YES else verdict
 
-    def would_decide(self, found: Evidence, case: str = "") -> str:
+    def test_of(self, case: str) -> str:
+        """Name of the test of a case, capitalised or not."""
+        return str(_of_case(self.test, case))
+
+    def bound_of(self, case: str) -> Any:
+        """Bound of a case, capitalised or not."""
+        return _of_case(self.bound, case)
+
+    def would_decide(self, found: Evidence, case: str = "", cases: int = 1) -> str:
         """Sample size that would decide an undecided case, e.g. `about 27 would decide`; otherwise empty.
 
-        Counts people if trials are clustered by person. With this size, and the mean and spread found, 80 %
-        of all draws would exclude the nearest bound.
+        Counts people if trials are clustered by person. With this size in each of `cases` undecided cases,
+        and the means and spreads found, all of them would exclude the nearest bound in 80 % of draws.
         """
-        if self.verdict(found, case) != UNDECIDED:
-            return ""
         n = found.people or found.n
+        if self.verdict(found, case) != UNDECIDED or n < 2:
+            return ""
         bounds = np.atleast_1d(_of_case(self.bound, case))
         bound = min(bounds, key=lambda one: abs(found.value - one))
         distance = abs(found.value - bound)
-        half = found.value - found.low if found.value > bound else found.high - found.value
-        if found.count == 0 and found.people:  # inverse of `none_of`
-            count = np.log(0.05) / np.log(1.0 - bound)
-        elif n < 2 or distance == 0.0:
-            return ""
+        if found.count in (0, found.n):  # without a spread; by symmetry, none
+            enough = partial(_none_decide, trials=found.n // n, bound=distance)
         else:
-            count = n * (half / distance * (ndtri(0.975) + ndtri(0.8)) / stdtrit(n - 1, 0.975)) ** 2
-        size = f"about {np.ceil(count):.0f}" if count <= MOST else f"more than {MOST}"
+            own, half = (
+                found.value - low if found.value > bound else high - found.value
+                for low, high in ((found.low, found.high), self._interval_in_favour(found, case))
+            )
+            if distance == 0.0 or own == 0.0:
+                return ""
+            spread = own / stdtrit(n - 1, 0.975)  # standard error at this size
+            level = stdtr(n - 1, half / spread)  # of the end of the interval that must exclude the bound
+            enough = partial(
+                _sample_decides,
+                distance=distance / (np.sqrt(n) * spread),
+                levels=(level, 0.8 ** (1.0 / cases)),
+            )
+        sizes = range(n + 1, MOST + 1)
+        place = bisect_left(sizes, True, key=enough)
+        size = f"about {sizes[place]}" if place < len(sizes) else f"more than {MOST}"
         return f"{size} would decide"
+
+    def _interval_in_favour(self, found: Evidence, case: str) -> tuple[float, float]:
+        """Interval that counts for the verdict that the number itself has."""
+        sure = replace(found, low=found.value, high=found.value, widened=None)
+        return found.refuting if self.verdict(sure, case) == NO else (found.low, found.high)
+
+
+def _none_decide(people: int, trials: int, bound: float) -> bool:
+    """Whether no hits of so many people in so many trials each put a rate below the bound."""
+    return rate_interval(np.zeros(people), np.full(people, trials))[1] <= bound
+
+
+def _sample_decides(n: int, distance: float, levels: tuple[float, float]) -> bool:
+    """Whether n samples are enough to exclude a bound at a distance in standard deviations.
+
+    `levels`: of the interval's end, and the power.
+    """
+    return sum(stdtrit(n - 1, levels)) <= distance * np.sqrt(n)
 
 
 def _of_case(given: Any, case: str) -> Any:
-    return given[case] if isinstance(given, dict) else given
+    if not isinstance(given, dict):
+        return given
+    return given[case] if case in given else {capitalised(name): one for name, one in given.items()}[case]
 
 
 @dataclass(frozen=True)
@@ -147,7 +192,7 @@ class Judged:
     claim: Claim  # with rendered texts
     cases: tuple[tuple[str, str, int, str], ...]  # name (empty if there is only one), number, n, verdict
     verdict: str  # over all cases
-    studies: tuple[str, ...] = ()  # by case, see `Evidence.study`
+    found: tuple[Evidence, ...] = ()  # by case
     would_decide: tuple[str, ...] = ()  # by case, see `Claim.would_decide`
     heading: str = ""  # name of the data set, on pages with several
     simulated: str = ""  # verdict on the claim's counterpart; empty if unknown
@@ -185,6 +230,7 @@ def _judged(claim: Claim, found: Found, facts: Mapping[str, object]) -> Judged:
         name: rendered(getattr(claim, name), facts) for name in ("statement", "source", "published", "note")
     }
     by_case = {"": found} if isinstance(found, Evidence) else found
+    undecided = sum(claim.verdict(one, case) == UNDECIDED for case, one in by_case.items())
     cases = tuple(
         (capitalised(case), in_words(one, claim.format, claim.unit), one.n, claim.verdict(one, case))
         for case, one in by_case.items()
@@ -193,8 +239,8 @@ def _judged(claim: Claim, found: Found, facts: Mapping[str, object]) -> Judged:
         claim=claim.model_copy(update=texts),
         cases=cases,
         verdict=combined([case[-1] for case in cases]),
-        studies=tuple(one.study for one in by_case.values()),
-        would_decide=tuple(claim.would_decide(one, case) for case, one in by_case.items()),
+        found=tuple(by_case.values()),
+        would_decide=tuple(claim.would_decide(one, case, undecided) for case, one in by_case.items()),
     )
 
 
@@ -219,21 +265,37 @@ def verdict_in(table: pd.DataFrame, counterpart: Counterpart) -> str:
     return combined(list(rows["verdict"])) if len(rows) else ""
 
 
-def claims_table(judged: Sequence[Judged]) -> pd.DataFrame:
-    """Table for `claims.csv`: one row per case of each claim, with the data set if there are several."""
+def claims_table(judged: Sequence[Judged], pages: Mapping[str, str] | None = None) -> pd.DataFrame:
+    """Table for `claims.csv`: one row per case of each claim, with the data set if there are several.
+
+    `number` is `here` without its interval; `low` and `high` are the interval's ends; `bound` is that of the
+    test, two of a range; `page` has the row (`pages` by evidence).
+    """
     rows = []
     for one in judged:
         claim = one.claim
-        like = claim.simulated.model_dump_json() if claim.simulated else ""
-        for case, study, more in zip_longest(one.cases, one.studies, one.would_decide, fillvalue=""):
-            told = (claim.by, claim.statement, claim.source, claim.published, *case, one.verdict)
-            told += (claim.by_construction, study, claim.evidence, more)
-            rows.append((*told, one.heading, one.simulated, like))
-    columns = ["by", "statement", "source", "published", "case", "here", "n", "verdict", "verdict_of_all"]
-    columns += ["by_construction", "study", "evidence", "would_decide"]
-    of_sets = ["set", "simulated", "counterpart"]
-    table = pd.DataFrame(rows, columns=[*columns, *of_sets])
-    return table if any(one.heading for one in judged) else table[columns]
+        shared = {name: getattr(claim, name) for name in ("by", "statement", "source", "published")}
+        shared |= {"verdict_of_all": one.verdict, "by_construction": claim.by_construction}
+        shared |= {"evidence": claim.evidence, "page": (pages or {}).get(claim.evidence, "index")}
+        of_set = {"set": one.heading, "simulated": one.simulated}
+        of_set["counterpart"] = claim.simulated.model_dump_json() if claim.simulated else ""
+        for cell, found, more in zip_longest(one.cases, one.found, one.would_decide, fillvalue=None):
+            case, here, n, verdict = cell or ("", "", 0, "")
+            row = {"case": case, "here": here, "n": n, "verdict": verdict, "would_decide": more or ""}
+            if found is not None:
+                row |= {"number": number_in_words(found, claim.format), "study": found.study}
+                row |= {"value": found.value, "low": found.low, "high": found.high}
+                row |= {"unit": claim.unit or found.unit, "test": claim.test_of(case)}
+                row["bound"] = " ".join(f"{bound:g}" for bound in np.atleast_1d(claim.bound_of(case)))
+            rows.append(shared | row | of_set)
+    table = pd.DataFrame(rows).reindex(columns=[*COLUMNS, *OF_SETS])
+    return table if any(one.heading for one in judged) else table[COLUMNS]
+
+
+COLUMNS = ["by", "statement", "source", "published", "case", "here", "n", "verdict", "verdict_of_all"]
+COLUMNS += ["by_construction", "study", "evidence", "would_decide"]
+COLUMNS += ["number", "value", "low", "high", "unit", "test", "bound", "page"]
+OF_SETS = ["set", "simulated", "counterpart"]  # columns of tables with several data sets
 
 
 @dataclass(frozen=True)

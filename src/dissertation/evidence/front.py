@@ -1,43 +1,65 @@
-"""The front page: a loop, the pipeline, a table of findings and a card per testbed.
+"""The front page: a forest plot, the dissertation's experiments by chapter, our aims, a card per testbed.
 
-Its texts are in a YAML file, `FrontPage`. Numbers come from the `claims.csv` of the testbeds' reports: an
-entry names a claim, and its text refers to cases, `{Turn}`, or to `{value}` if there are none.
+Its texts are in a YAML file, `FrontPage`. Numbers, intervals and verdicts come from the `claims.csv` of the
+reports, by the name of a claim (its `evidence`); of recorded data, all sets that have a claim of that name.
 """
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
 from pathlib import Path
+from typing import Literal
 
+import numpy as np
 import pandas as pd
 
 from dissertation.evidence.claims import VERDICTS, combined
+from dissertation.evidence.forest import RECORDED, SIMULATED, Mark, Strip
 from dissertation.evidence.judged_page import TEMPLATES
 from structlearn.core.artefacts import read_csv
 from structlearn.core.errors import InputError
 from structlearn.core.params import Parameters, read_values
-from structlearn.reporting.document import Provenance, environment
+from structlearn.reporting.document import Panel, Provenance, anchor, environment
 from structlearn.reporting.evidence import NOT_TESTED
 
-RECORDED = "recorded"
-"""Folder of the report on recorded data; machines without the data use the claims in `claims.QUOTED`."""
+ABOVE = {"above": 1, "at least": 1, "below": -1, "at most": -1}  # side of the bound on which a test holds
 
 
 class Row(Parameters):
-    """A claim of a report, and its numbers as text."""
+    """A claim of a report."""
 
     report: str  # folder of the report
     claim: str  # its `evidence` in the report's claims
-    words: str  # a template that refers to numbers by case, without their intervals
     set: str = ""  # data set, if several have a claim of that name
     cases: tuple[str, ...] = ()  # all if empty
 
 
-class Finding(Parameters):
-    """A question, with its published, simulated and recorded answers."""
+class Tile(Row):
+    """A number on a card."""
+
+    words: str  # after the number
+
+
+class Experiment(Parameters):
+    """An experiment of the dissertation, or an aim of this project."""
 
     question: str
-    published: str
+    text: str = ""  # the text's experiment: robot, n, figure or table
+    published: str = ""  # its result
+    printed: tuple[float, ...] = ()  # that result in the unit of the simulated claim, for the forest plot
+    here: str = ""  # what replaces it in simulation
     simulated: Row | None = None
-    recorded: Row | None = None
+    recorded: tuple[str, ...] = ()  # claims about recorded data, in every set that has them
+    differs: str = ""  # what else differs
+
+
+class Place(Parameters):
+    """Where a figure or table of the dissertation is found here."""
+
+    what: str  # e.g. `figure IV.16`
+    shows: str
+    page: str = ""  # with its anchor, relative to the front page; empty if it is missing
+    result: Literal["same", "weaker", "other data", "missing"]
+    why: str = ""  # needed unless it is the same
 
 
 class Card(Parameters):
@@ -49,7 +71,7 @@ class Card(Parameters):
     picture: str  # path relative to its report
     alt: str  # description of the picture
     simulated: str  # what is simulated
-    tiles: tuple[Row, ...]  # one number each, up to `|`
+    tiles: tuple[Tile, ...]
     pages: Mapping[str, str] = {}  # titles of further pages, by file name
 
 
@@ -66,8 +88,27 @@ class FrontPage(Parameters):
     """Contents of the file with the front page's texts."""
 
     steps: tuple[Step, ...]
-    findings: tuple[Finding, ...]
+    chapters: Mapping[str, tuple[Experiment, ...]]  # by title
+    aims: tuple[Experiment, ...]
+    index: tuple[Place, ...]
     cards: Mapping[str, Card]  # by folder of the report, in page order
+
+    @property
+    def experiments(self) -> list[Experiment]:
+        """All experiments and aims, in page order."""
+        return [*(one for its in self.chapters.values() for one in its), *self.aims]
+
+
+@dataclass(frozen=True)
+class Answer:
+    """What came out for a claim, in simulation or in one data set."""
+
+    heading: str  # data set; empty in simulation
+    statement: str
+    cases: tuple[tuple[str, str, str], ...]  # case, number with its interval, verdict
+    n: str
+    verdict: str
+    link: str  # to the row
 
 
 def read_front_page(path: Path) -> FrontPage:
@@ -79,78 +120,149 @@ def read_front_page(path: Path) -> FrontPage:
 
 
 def render_front(
-    page: FrontPage, claims: Mapping[str, pd.DataFrame], tasks: Mapping[str, str], made: Provenance
+    page: FrontPage,
+    claims: Mapping[str, pd.DataFrame],
+    tasks: Mapping[str, str],
+    forest: Sequence[Panel],
+    made: Provenance,
 ) -> str:
     """Render the front page to HTML.
 
     `claims`: `claims_table` by report; `tasks`: pages of single tasks by name. Raises InputError: a report
-    lacks a claim or case that the page uses.
+    lacks a claim that the page uses.
     """
     counts = {report: _counts(table) for report, table in claims.items()}
-    tiles = {name: [answer(tile, claims) for tile in card.tiles] for name, card in page.cards.items()}
     template = environment(TEMPLATES).get_template("front.html.jinja")
     return template.render(
         page=page,
-        findings=[(one, *_answers(one, claims)) for one in page.findings],
-        tiles=tiles,
+        simulated={one.question: answers_of(one, claims) for one in page.experiments},
+        recorded={one.question: recorded_answers(one, claims["recorded"]) for one in page.experiments},
+        tiles={name: [tile(one, claims) for one in card.tiles] for name, card in page.cards.items()},
         counts=counts,
         totals={word: sum(its[word] for its in counts.values()) for word in VERDICTS},
         vocabulary=VERDICTS,
         tasks=tasks,
+        forest=forest,
         made=made,
     )
 
 
 def findings_table(page: FrontPage, claims: Mapping[str, pd.DataFrame]) -> str:
-    """Findings as a Markdown table, for the README."""
+    """Experiments as a Markdown table, for the README."""
     lines = ["| question | published | simulated | recorded |", "|---|---|---|---|"]
-    for one in page.findings:
-        told = [f"{words} (**{verdict}**)" if words else "" for words, verdict in _answers(one, claims)]
-        lines.append(f"| {one.question} | {one.published} | {told[0]} | {told[1]} |")
+    for one in page.experiments:
+        cells = (answers_of(one, claims), recorded_answers(one, claims["recorded"]))
+        words = ["<br>".join(_in_line(answer) for answer in answers) for answers in cells]
+        lines.append(f"| {one.question} | {one.published or 'our aim'} | {words[0]} | {words[1]} |")
     return "\n".join(lines) + "\n"
 
 
-def _answers(one: Finding, claims: Mapping[str, pd.DataFrame]) -> list[tuple[str, str]]:
-    """Text and verdict, simulated and recorded; empty if there is none."""
-    return [answer(row, claims) if row else ("", "") for row in (one.simulated, one.recorded)]
+def _in_line(answer: Answer) -> str:
+    """An answer in one line: its clearest number, and how many cases there are besides."""
+    case, here, _ = answer.cases[0]
+    more = f", {len(answer.cases)} cases" if len(answer.cases) > 1 else ""
+    where = ", ".join(filter(None, (answer.heading, case)))
+    return f"{where + ': ' if where else ''}{here}{more} (**{answer.verdict}**)"
 
 
-def answer(row: Row, claims: Mapping[str, pd.DataFrame]) -> tuple[str, str]:
-    """Text of a row with its numbers, and its verdict. Raises InputError: the claim or case is missing."""
+def answers_of(one: Experiment, claims: Mapping[str, pd.DataFrame]) -> list[Answer]:
+    """Answer of the simulated claim, if there is any. Raises InputError: the report lacks it."""
+    if one.simulated is None:
+        return []
+    row = one.simulated
+    rows = rows_of(row, claims)
+    link = f"{row.report}/{rows['page'].iloc[0]}.html#{row.claim}"
+    return [_answer("", rows, link)]
+
+
+def recorded_answers(one: Experiment, table: pd.DataFrame) -> list[Answer]:
+    """Answers of all data sets that were run and have one of the claims, in the order of the claims."""
+    return [
+        _answer(str(heading), rows, f"recorded/index.html#{anchor(str(heading))}-{claim}")
+        for claim in one.recorded
+        for heading, rows in table[table["evidence"] == claim].groupby("set", sort=False)
+        if (rows["verdict"] != NOT_TESTED).any()
+    ]
+
+
+def _answer(heading: str, rows: pd.DataFrame, link: str) -> Answer:
+    cases = tuple(rows[["case", "here", "verdict"]].itertuples(index=False, name=None))
+    n = ", ".join(dict.fromkeys(str(count) for count in rows["n"]))
+    return Answer(heading, rows["statement"].iloc[0], cases, n, combined(list(rows["verdict"])), link)
+
+
+def rows_of(row: Row, claims: Mapping[str, pd.DataFrame]) -> pd.DataFrame:
+    """Rows of a claim in its report's table. Raises InputError: there are none, unless of recorded data."""
     table = claims[row.report]
-    where = f"{row.report}: claim {row.claim}{f' of {row.set}' if row.set else ''}"
     found = table[table["evidence"] == row.claim]
     if row.set:
         found = found[found["set"] == row.set]
     if row.cases:
         found = found[found["case"].isin(row.cases)]
-    if found.empty and row.report == RECORDED:
-        return "not recorded here", NOT_TESTED  # a machine may have only some of the data sets
-    if found.empty:
-        raise InputError(f"{where}: the front page names it, and there is none")
-    numbers = {
-        case or "value": here.split(" [")[0] for case, here in zip(found["case"], found["here"], strict=True)
-    }
-    verdict = combined(list(found["verdict"]))
-    if verdict == NOT_TESTED:
-        return next(iter(numbers.values())), verdict
-    try:
-        return row.words.format_map(numbers), verdict
-    except KeyError as error:
-        raise InputError(f"{where}: has no case {error}; there are {sorted(numbers)}") from error
+    if found.empty and row.report != "recorded":  # a machine may have only some of the data sets
+        cases = f" with the cases {', '.join(row.cases)}" if row.cases else ""
+        raise InputError(
+            f"{row.report}: claim {row.claim}{cases}: the front page names it, and there is none"
+        )
+    return found
+
+
+def tile(one: Tile, claims: Mapping[str, pd.DataFrame]) -> tuple[str, str]:
+    """A number of a card and the words after it."""
+    found = rows_of(one, claims)
+    return (str(found["number"].iloc[0]) if len(found) else "not recorded here"), one.words
+
+
+def forest_strips(page: FrontPage, claims: Mapping[str, pd.DataFrame]) -> list[Strip]:
+    """Strips of the forest plot: each experiment's simulated claim, with recorded claims in the same unit.
+
+    Recorded claims in other units, and cases with other bounds, have strips of their own.
+    """
+    table, strips = claims["recorded"], []
+    for one in page.experiments:
+        own: list[Strip] = []
+        if one.simulated:
+            own += _strips(SIMULATED, one.question, rows_of(one.simulated, claims), one.printed)
+        for claim in one.recorded:
+            for heading, rows in table[table["evidence"] == claim].groupby("set", sort=False):
+                for strip in _strips(RECORDED, f"{one.question} {heading}", rows):
+                    place = next((place for place, other in enumerate(own) if _alike(other, strip)), None)
+                    if place is None:
+                        own.append(strip)
+                    else:
+                        own[place] = replace(own[place], marks=[*own[place].marks, *strip.marks])
+        strips += own
+    return strips
+
+
+def _alike(one: Strip, other: Strip) -> bool:
+    return (one.unit, one.bounds, one.side) == (other.unit, other.bounds, other.side)
+
+
+def _strips(where: str, label: str, rows: pd.DataFrame, printed: Sequence[float] = ()) -> list[Strip]:
+    """A claim's cases with finite numbers, one strip per bound."""
+    values = pd.to_numeric(rows["value"], errors="coerce")
+    rows, strips = rows[np.isfinite(values) & (rows["test"] != "zero")], []
+    for bound, its in rows.groupby("bound", sort=False):
+        bounds = tuple(float(end) for end in str(bound).split())
+        marks = [Mark(where, *map(float, ends)) for ends in its[["value", "low", "high"]].to_numpy()]
+        case = f" {its['case'].iloc[0]}" if rows["bound"].iloc[0] != rows["bound"].iloc[-1] else ""
+        side = ABOVE.get(str(its["test"].iloc[0]), 0)
+        strips.append(Strip(label + case, str(its["unit"].iloc[0]), marks, bounds, side, tuple(printed)))
+    return strips
 
 
 def read_claims_of(report: str, folder: Path) -> pd.DataFrame:
-    """Read a report's `claims.csv`. Raises InputError: it is missing or lacks the names of claims."""
+    """Read a report's `claims.csv`. Raises InputError: it is missing or lacks numbers of claims."""
     path = folder / "claims.csv"
     table = read_csv(path, keep_default_na=False)
-    if "evidence" not in table:
-        raise InputError(f"{path}: has no names of claims; make the report of {report} again")
+    if "number" not in table:
+        raise InputError(f"{path}: has no numbers of claims; make the report of {report} again")
     return table
 
 
 def _counts(table: pd.DataFrame) -> dict[str, int]:
-    """Number of the dissertation's statements with each verdict."""
+    """Number of distinct statements of the dissertation with each verdict: of several sets, the worst."""
     its = table[table["by"] == "published"]
-    its = its.drop_duplicates([name for name in ("set", "evidence") if name in table])
-    return {word: int((its["verdict_of_all"] == word).sum()) for word in VERDICTS}
+    worst = its.groupby("statement", sort=False)["verdict_of_all"].agg(lambda words: combined(list(words)))
+    return {word: int((worst == word).sum()) for word in VERDICTS}

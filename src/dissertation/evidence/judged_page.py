@@ -84,7 +84,8 @@ def publish_judged(
     """
     shown = {id(one): one for page in pages.values() for one in page.judged}  # pages may share claims
     judged = list(shown.values())
-    table = claims_table(judged)
+    on_page = {one.claim.evidence: name for name, page in pages.items() for one in page.judged}
+    table = claims_table(judged, on_page)
     both = [] if recorded is None else on_recordings(recorded, Path(folder).name, table)
     completed = {
         name: replace(page, recorded=[one for one in both if one.counterpart.page == name])

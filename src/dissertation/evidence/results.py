@@ -268,9 +268,9 @@ def _tested(found: Found) -> bool:
 def _of_one(found: Found) -> Found:
     """Evidence of one person, which decides nothing."""
     if isinstance(found, Evidence):
-        return replace(found, low=-np.inf, high=np.inf, n=min(found.n, 1), remark="one person")
+        return replace(found, low=-np.inf, high=np.inf, widened=None, n=min(found.n, 1), remark="one person")
     return {
-        case: replace(one, low=-np.inf, high=np.inf, n=min(one.n, 1), remark="one person")
+        case: replace(one, low=-np.inf, high=np.inf, widened=None, n=min(one.n, 1), remark="one person")
         for case, one in found.items()
     }
 

@@ -6,10 +6,10 @@ bootstrap, Kuensch 1989). For statistics that depend on sums only, the cost of a
 number of blocks.
 """
 
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from scipy.special import ndtri, stdtrit
+from scipy.special import bdtr, stdtrit
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -45,17 +45,18 @@ def mean_interval(samples: np.ndarray, confidence: float = 0.95) -> tuple[float,
     return float(np.mean(samples)), float(quantile * np.std(samples, ddof=1) / np.sqrt(count))
 
 
-def wilson_interval(
-    successes: np.ndarray | int, trials: np.ndarray | int, confidence: float = 0.95
-) -> tuple[np.ndarray, np.ndarray]:
-    """Wilson interval of a probability from independent trials: lower and upper ends, (...) each."""
-    quantile = ndtri(0.5 + 0.5 * confidence)
-    count = np.asarray(trials, dtype=float)
-    share = successes / count
-    scale = 1 + quantile**2 / count
-    middle = (share + quantile**2 / (2 * count)) / scale
-    half = quantile / scale * np.sqrt(share * (1 - share) / count + quantile**2 / (4 * count**2))
-    return np.maximum(middle - half, 0.0), np.minimum(middle + half, 1.0)
+def median_interval(samples: np.ndarray, confidence: float = 0.95) -> tuple[float, float]:
+    """Interval of the median between two order statistics of independent samples (N,), for any distribution.
+
+    Between the k-th lowest and the k-th highest lies the median unless fewer than k samples are on one side
+    of it (binomial). NaN if there are too few samples: 95 % need 6.
+    """
+    count = len(samples)
+    k = np.searchsorted(bdtr(np.arange(count), count, 0.5), 0.5 - 0.5 * confidence, side="right")
+    if k == 0:
+        return float("nan"), float("nan")
+    ordered = np.sort(samples)
+    return float(ordered[k - 1]), float(ordered[-k])
 
 
 BETTER, WORSE, UNDECIDED = "better", "worse", "undecided"
@@ -87,7 +88,7 @@ def drawn_counts(count: int, draws: int, seed: int) -> np.ndarray:
     return generator.multinomial(count, np.full(count, 1.0 / count), size=draws).astype(float)
 
 
-def percentiles(samples: np.ndarray, confidence: float = 0.95) -> tuple[np.ndarray, np.ndarray]:
+def percentiles(samples: np.ndarray, confidence: float = 0.95) -> tuple[Any, Any]:
     """Ends (...) of the central interval that contains a share `confidence` of drawn values (draws, ...)."""
     tail = 0.5 * (1.0 - confidence)
     low, high = np.quantile(samples, [tail, 1.0 - tail], axis=0)

@@ -194,7 +194,7 @@ def environment(*packages: str) -> Environment:
         keep_trailing_newline=True,
     )
     made.filters["f"] = lambda value, digits: prose.rounded(value + 0, digits)  # + 0 fails if undefined
-    made.filters["words"] = lambda found, *how: in_words(replace(found, people=None), *how)  # not pooled
+    made.filters["words"] = lambda found, *how: in_words(replace(found, people=None), *how)  # without ICC
     for filter_ in (prose.listing, prose.counted, prose.capitalised, cell, anchor):
         made.filters[filter_.__name__] = filter_
     for function in (prose.interval, prose.with_interval, prose.with_spread, prose.percent):

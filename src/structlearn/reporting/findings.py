@@ -23,14 +23,13 @@ from structlearn.core.artefacts import Metrics, read_csv
 from structlearn.reporting import evidence
 from structlearn.reporting.evidence import UNKNOWN, Evidence, Found, unknown
 
-EXACT = (evidence.exact, evidence.exact_count, evidence.largest, evidence.smallest)  # without an interval
+EXACT = (evidence.exact, evidence.exact_count, evidence.maximum, evidence.minimum)  # without an interval
 COLUMNS = ["name", "case", "value", "low", "high", "n", "unit", "population", "headline", "study", "reason"]
 
 
 @dataclass(frozen=True)
 class _Row:
     found: Found
-    unit: str
     population: str
     headline: bool | Collection[str]
 
@@ -62,16 +61,20 @@ class Findings(Mapping[str, Found]):
     def add(
         self, name: str, found: Found, *, unit: str = "", headline: bool | Collection[str] = False
     ) -> Found:
-        """Add a row with its evidence; `headline`: which cases go to `metrics.json`, or all.
+        """Add a row with its evidence, in a unit; `headline`: which cases go to `metrics.json`, or all.
 
         Raises ValueError: there is a row of that name.
         """
         if name in self._rows:
             raise ValueError(f"two findings are called {name}")
-        if self._study:
-            quoted = {case: replace(one, study=self._study) for case, one in _cases(found)}
-            found = quoted[""] if isinstance(found, Evidence) else quoted
-        self._rows[name] = _Row(found, unit, self._population, headline)
+        if self._study or unit:
+            study = self._study
+            marked = {
+                case: replace(one, study=study or one.study, unit=unit or one.unit)
+                for case, one in _cases(found)
+            }
+            found = marked[""] if isinstance(found, Evidence) else marked
+        self._rows[name] = _Row(found, self._population, headline)
         return found
 
     def include(self, other: "Findings") -> None:
@@ -90,8 +93,9 @@ class Findings(Mapping[str, Found]):
     ) -> Found:
         """Add a row by a constructor of evidence, from its arguments or from a mapping of arguments by case.
 
-        Intervals of several cases are widened for a joint coverage of 95 %. A case without samples, or with
-        None, is not tested, with `missing` as the reason, and does not widen the others. `row`: see `add`.
+        Several cases also have intervals widened for a joint coverage of 95 %, see `Evidence`. A case without
+        samples, or with None, is not tested, with `missing` as the reason, and does not widen the others.
+        `row`: see `add`.
         """
         lacking = unknown(missing) if missing else UNKNOWN
         if not isinstance(given[0], Mapping):
@@ -110,6 +114,7 @@ class Findings(Mapping[str, Found]):
     mean = _finder(evidence.mean)
     difference = _finder(evidence.difference)
     geometric_mean = _finder(evidence.geometric_mean)
+    median = _finder(evidence.median)
     share = _finder(evidence.share)
     clustered_share = _finder(evidence.clustered_share)
     rate_difference = _finder(evidence.rate_difference)
@@ -128,7 +133,7 @@ class Findings(Mapping[str, Found]):
         """Rows of `findings.csv`, one per case."""
         rows = [
             {"name": name, "case": case, "value": one.value, "low": one.low, "high": one.high, "n": one.n}
-            | {"unit": row.unit, "population": row.population, "study": one.study, "reason": one.reason}
+            | {"unit": one.unit, "population": row.population, "study": one.study, "reason": one.reason}
             | {"headline": row.headline if isinstance(row.headline, bool) else case in row.headline}
             for name, row in self._rows.items()
             for case, one in _cases(row.found)

@@ -53,7 +53,7 @@ def with_spread(mean: float, std: float, number_format: str = ".1f") -> str:
     return f"{text} ± {std:{number_format}}" if math.isfinite(std) else text
 
 
-def percent(count: int, n: int, fewest: int = 0) -> str:
+def percent(count: float, n: float, fewest: int = 0) -> str:
     """Percentage such as `99.8 %`, with enough digits not to round to 0 or 100 unless it is exactly that."""
     return next(
         text

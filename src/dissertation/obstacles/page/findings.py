@@ -295,7 +295,7 @@ def _hits(results: ObstacleResults, find: Findings) -> None:
                 within[source] = Evidence(few / people, few / people, few / people, people, few)
     find.add("people_within", within)
     single, several = (
-        np.divide(*results.hits_by_person(UNSEEN, (kind, PUBLISHED), SHAPES)) for kind in (NETWORK, ENSEMBLE)
+        results.hits_by_person(UNSEEN, (kind, PUBLISHED), SHAPES) for kind in (NETWORK, ENSEMBLE)
     )
     find.rate_difference("fewer_hits", single, several, unit="%")
     detours = {source: results.reached(PAIR, ENSEMBLE, source)["detour_m"] for source in EVERY}

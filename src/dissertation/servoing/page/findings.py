@@ -35,7 +35,15 @@ from dissertation.servoing.protocol.servo_variants import (
 )
 from structlearn.core.metrics import matching
 from structlearn.core.params import read_values
-from structlearn.reporting.evidence import UNKNOWN, Evidence, Found, clustered_share, difference
+from structlearn.reporting.evidence import (
+    UNKNOWN,
+    Counts,
+    Evidence,
+    Found,
+    clustered_share,
+    difference,
+    smallest,
+)
 from structlearn.reporting.findings import Findings
 from structlearn.tactile.electrodes import SKINS, Skin, align_map
 from structlearn.tactile.latent_parameters import FORWARD_OF, JACOBIAN, LOCALLY_LINEAR, NO_INVERSE, STRUCTURES
@@ -381,9 +389,13 @@ def _closed_loop(find: Findings, results: ServoingResults) -> None:
     def share(name: str, *given: object, skin: str = "", headline: bool = False) -> Found:
         return find.by(partial(_clustered, results.trials_per_person(skin)), name, *given, headline=headline)
 
+    def counts(variant: Variant) -> Counts | None:
+        its = rates(variant)
+        return None if its is None else _counts(results.trials_per_person(), its)
+
     def gain(name: str, form: Variant, **without: Any) -> None:
         models = {inverse: replace(form, inverse=inverse) for inverse in FORWARD_OF}
-        pairs = {inverse: (rates(one), rates(replace(one, **without))) for inverse, one in models.items()}
+        pairs = {inverse: (counts(one), counts(replace(one, **without))) for inverse, one in models.items()}
         find.rate_difference(name, pairs)
 
     shown = [(AS_PUBLISHED, ""), (AS_PUBLISHED_LL, ""), (OURS, ""), (replace(OURS, structure=False), "")]
@@ -413,14 +425,18 @@ def _closed_loop(find: Findings, results: ServoingResults) -> None:
 
 def _clustered(trials: int, rates: np.ndarray, comparisons: int = 1) -> Evidence:
     """Success rate over people with `trials` trials each, from their rates (P,)."""
-    return clustered_share(np.rint(trials * rates), np.full(len(rates), trials), comparisons)
+    return clustered_share(*_counts(trials, rates), comparisons)
+
+
+def _counts(trials: int, rates: np.ndarray) -> Counts:
+    """Hits (P,) in `trials` trials each (P,), from the rates (P,)."""
+    return np.rint(trials * rates), np.full(len(rates), trials)
 
 
 def _smallest_rise(forward: Callable[..., Any], structure: bool) -> Evidence:
-    """Least certain rise of forward NMSE from one prediction step to the next, over all models."""
+    """Smallest rise of forward NMSE from one prediction step to the next, over all models."""
     cases = [(kind, steps) for kind in DYNAMICS for steps in range(1, TEST_CHAIN)]
     pairs = [(forward(kind, structure, n + 1), forward(kind, structure, n)) for kind, n in cases]
     if any(one is None for pair in pairs for one in pair):
         return UNKNOWN
-    rises = [difference(*pair, comparisons=len(cases)) for pair in pairs]
-    return min(rises, key=lambda rise: (rise.high > 0.0, rise.low))
+    return smallest(difference(*pair, comparisons=len(cases)) for pair in pairs)

@@ -1,6 +1,7 @@
 """Results on joint logs: errors by joint and model, drives and a load, each with its interval."""
 
 from collections.abc import Mapping
+from functools import partial
 from typing import NamedTuple
 
 import numpy as np
@@ -8,7 +9,7 @@ import pandas as pd
 
 from structlearn.core.metrics import block_count, block_sums, drawn_counts, matching, percentiles
 from structlearn.palette import BLACK, BLUE, GREEN, GREY, LIGHT_BLUE, OCHRE, ORANGE, PINK, Look
-from structlearn.reporting.evidence import Evidence, Found, confidence, exact, exact_count, mean, unknown
+from structlearn.reporting.evidence import Evidence, Found, exact, exact_count, mean, unknown, within
 from structlearn.reporting.findings import Findings
 from structlearn.reporting.prose import interval, rounded
 from structlearn.rigid_body import friction
@@ -65,8 +66,7 @@ class Drawn(NamedTuple):
 
     def evidence(self, comparisons: int = 1) -> Evidence:
         """The number with its interval."""
-        low, high = percentiles(self.samples[1:], confidence(comparisons))
-        return Evidence(self.value, float(low), float(high), self.n)
+        return within(self.value, partial(percentiles, self.samples[1:]), self.n, comparisons)
 
     def text(self, number: str) -> str:
         """The number with its interval as text, or `none`."""

@@ -50,8 +50,12 @@ class SceneWays(dict[str, pd.DataFrame]):
 
     def share(self, column: str, model: str = OURS, blocked: bool = False) -> Evidence:
         """Share of the reaches of one model, with an interval clustered by person."""
+        return clustered_share(*self.counts(column, model, blocked))
+
+    def counts(self, column: str, model: str, blocked: bool = False) -> tuple[np.ndarray, np.ndarray]:
+        """Hits (P,) and reaches (P,) by person."""
         people = self.of(model, blocked).groupby("person")[column]
-        return clustered_share(people.sum().to_numpy(int), people.size().to_numpy())
+        return people.sum().to_numpy(int), people.size().to_numpy()
 
 
 def sections(files: TaskFiles) -> list[Section]:
@@ -100,7 +104,7 @@ def scene_findings(found: SceneWays) -> Findings:
         ("published_hits_fewer_than_rai", "human_inspired", PUBLISHED),
         ("features_alone", "nearest", OURS),
     ):
-        find.rate_difference(name, *(found.by_person(model, "hit") for model in pair), unit="%")
+        find.rate_difference(name, *(found.counts("hit", model) for model in pair), unit="%")
     find.exact("goal", its["left_mm"].max(), len(its), unit="mm")
     find.exact("published_goal", found.of(PUBLISHED)["left_mm"].max(), len(its), unit="mm")
     ours, planned = (found.by_person(model, "path_mm") for model in (OURS, PLANNED))

@@ -6,7 +6,7 @@ import numpy as np
 import pandas as pd
 from matplotlib.figure import Figure
 
-from structlearn.reporting.evidence import Evidence, confidence, geometric_mean, in_words, unknown
+from structlearn.reporting.evidence import Evidence, geometric_mean, in_words, unknown, within
 from structlearn.reporting.figure_style import legend, panel, styled
 from structlearn.reporting.findings import Findings
 from structlearn.reporting.prose import listing
@@ -68,9 +68,8 @@ def group_difference(first: np.ndarray, second: np.ndarray, comparisons: int = 1
     if min(len(first), len(second)) < 2:
         return unknown(TOO_FEW)
     test = stats.ttest_ind(np.asarray(first), np.asarray(second), equal_var=False)
-    interval = test.confidence_interval(confidence(comparisons))
     value = float(np.mean(first) - np.mean(second))
-    return Evidence(value, interval.low, interval.high, len(first) + len(second))
+    return within(value, test.confidence_interval, len(first) + len(second), comparisons)
 
 
 def by_channels(tables: Tables) -> pd.DataFrame:
