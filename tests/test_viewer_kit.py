@@ -61,8 +61,8 @@ def test_primitives_run_on_time_and_phase(tmp_path, turn):
 
 
 def test_errors_of_rerun_raise():
-    with pytest.raises(ValueError, match="expected sequence"):
-        items.dots("points", [[0.0, 0.0, 0.0]], np.array("no colour"), 1.0)
+    with pytest.raises(ValueError, match="could not convert"):
+        items.solid("points", rr.Boxes3D, BLUE, sizes="no size")
 
 
 def test_a_full_disk_is_one_line_and_leaves_the_former_recordings(tmp_path):

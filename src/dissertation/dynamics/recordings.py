@@ -22,7 +22,7 @@ from structlearn.rigid_body.robot import Robot
 from structlearn.rigid_body.tree import KinematicTree
 from structlearn.viewer import items, views
 from structlearn.viewer.arms import arm_scene, followed, meshes
-from structlearn.viewer.items import Item, entity, series
+from structlearn.viewer.items import entity, series
 from structlearn.viewer.recording import Recording
 
 ARM, BODY, WANTED = "arm", "payload", "wanted"
@@ -52,7 +52,7 @@ def reaches(urdf: str | Path, joints: Sequence[str], shown: Sequence[TrackedReac
     speed. The first model's run must not have been stopped.
     """
     first = shown[0]
-    wanted = _tool(WANTED, first.time, first.wanted, REFERENCE, -1.0)
+    wanted = items.travelled(WANTED, first.time, first.wanted, REFERENCE, -1.0, "tool")
     times, speed = first.time, first.speeds[1]
     off, speeds, arms = [], [series(entity("speed", WANTED), times, speed, WANTED, REFERENCE, width=3.0)], []
     for reach in shown:
@@ -60,9 +60,13 @@ def reaches(urdf: str | Path, joints: Sequence[str], shown: Sequence[TrackedReac
         off.append(series(entity("off", reach.model), reach.time, reach.off_mm, *look))
         speeds.append(series(entity("speed", reach.model), reach.time, reach.speeds[0], *look))
         arm = meshes(f"arm_{reach.model}", urdf, joints, reach.time, reach.joints)
-        tool = _tool(entity("tools", reach.model), reach.time, reach.tool, colour(reach.model), -2.0)
+        tool = (reach.time, reach.tool, colour(reach.model), -2.0, "tool")
         heading = f"{reach.label} (stopped: {reach.stopped})" if reach.stopped else reach.label
-        arms.append(arm_scene(heading, [*arm, *tool, *wanted], first.wanted))
+        arms.append(
+            arm_scene(
+                heading, [*arm, *items.travelled(entity("tools", reach.model), *tool), *wanted], first.wanted
+            )
+        )
     rows = [
         f"| {COLOUR_NAMES[colour(reach.model)]} | {reach.label} "
         f"| {'' if reach.stopped else f'{reach.velocity_nmse:.2g}'} | {reach.stopped} |"
@@ -83,12 +87,6 @@ def reaches(urdf: str | Path, joints: Sequence[str], shown: Sequence[TrackedReac
         shares=[3, 3, 3],
     )
     return Recording(title, views.row(views.grid(*arms, name=title), right, shares=[3, 2]))
-
-
-def _tool(place: str, times: np.ndarray, tool: np.ndarray, colour: str, width: float) -> list[Item]:
-    """A tool path (T, 3), and the tool moving along it."""
-    path = items.lines(f"{place}/path", [tool], colour, width)
-    return [path, items.moving_frame(f"{place}/tool", times, tool, colour)]
 
 
 def torques(

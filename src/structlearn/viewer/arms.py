@@ -119,5 +119,8 @@ def followed(
         "first moment of the mass (kg m)": [series("moment", times, moments, "xyz")],
         "log10 of the NMSE of each batch before it is learned": errors,
     }
-    shown = [views.plot(name, curves, legend=False) for name, curves in plots.items()]
-    return views.row(arm, views.column(*shown, views.notes(notes), shares=[3, 3, 3, 4]), shares=[3, 3])
+    return views.row(
+        arm,
+        views.column(*views.plots(plots, legend=False), views.notes(notes), shares=[3, 3, 3, 4]),
+        shares=[3, 3],
+    )

@@ -132,11 +132,6 @@ def solid(path: str, kind: Any, colours: Colours, opacity: float = 1.0, **shape:
     return Item(path, [kind(colors=rgba(colours, opacity), **{"fill_mode": "solid"} | shape)])
 
 
-def boxes(path: str, sizes: Any, centres: Any, colours: Colours, opacity: float = 1.0) -> Item:
-    """N filled boxes with sizes and centres (3,) in m, with N colours or one."""
-    return solid(path, rr.Boxes3D, colours, opacity, sizes=sizes, centers=centres)
-
-
 def floor_axes(path: str, points: np.ndarray) -> Item:
     """Arrows x, y and z, one floor square long, at the corner of a floor below points (N, 3) m."""
     corner = points.min(axis=0)
@@ -168,31 +163,34 @@ def trail(path: str, times: Times, places: np.ndarray, colour: str, radius: floa
     return Item(path, [kind.from_fields(radii=radius, colors=rgba(colour), **look)], times, columns)
 
 
-def moved(
-    path: str,
-    times: Times,
-    position: np.ndarray,
-    orientation: np.ndarray | None = None,
-    still: Sequence[rr.AsComponents] = (),
-) -> Item:
-    """Pose over time, (T, 3) m and, if known, (T, 4), of an entity and of all below it."""
-    pose = {} if orientation is None else {"quaternion": quaternion.to_xyzw(orientation)}
-    return Item(path, still, times, rr.Transform3D.columns(translation=position, **pose))
-
-
 def moving_frame(
     path: str,
     times: Times,
     position: np.ndarray,
-    colour: str,
-    orientation: np.ndarray | None = None,
+    colour: str = "",
+    orientation: Any = None,
     axes_m: float = 0.0,
 ) -> Item:
-    """Pose over time, (T, 3) m and, if known, (T, 4), as a point with axes of a length in m."""
-    still: list[rr.AsComponents] = [rr.Points3D([[0.0, 0.0, 0.0]], colors=rgba(colour), radii=-3.0)]
-    if orientation is not None and axes_m > 0.0:
-        still.append(rr.TransformAxes3D(axes_m))
-    return moved(path, times, position, orientation, still)
+    """Pose over time, (T, 3) m and, if known, (T, 4), of an entity and all below it.
+
+    With a colour it is shown as a point, with axes of a length in m.
+    """
+    still: list[rr.AsComponents] = (
+        [rr.Points3D([[0.0] * 3], colors=rgba(colour), radii=-3.0)] if colour else []
+    )
+    pose: dict[str, Any] = {"translation": position}
+    if orientation is not None:
+        pose["quaternion"] = quaternion.to_xyzw(orientation)
+        still += [rr.TransformAxes3D(axes_m)] if axes_m > 0.0 else []
+    return Item(path, still, times, rr.Transform3D.columns(**pose))
+
+
+def travelled(
+    path: str, times: Times, position: np.ndarray, colour: str, radius: float, body: str = "hand"
+) -> list[Item]:
+    """The whole path (T, 3) m of a body as a line, and the body moving along it."""
+    line = lines(f"{path}/path", [position], colour, radius)
+    return [line, moving_frame(f"{path}/{body}", times, position, colour)]
 
 
 def readings(

@@ -105,6 +105,11 @@ def plot(
     return _view(rrb.TimeSeriesView, name, items, background=background, plot_legend=corner, **axes)
 
 
+def plots(curves: Mapping[str, Iterable[Item]], legend: bool = True) -> list[Panel]:
+    """A plot for each heading."""
+    return [plot(name, items, legend) for name, items in curves.items()]
+
+
 def lanes(items: Iterable[Item]) -> Panel:
     """Lanes of primitives over time."""
     return _view(rrb.StateTimelineView, "Primitives", items)

@@ -3,6 +3,7 @@
 Everything is in the base frame. No robot is shown; the hand is a point, as in motion capture.
 """
 
+from collections import defaultdict
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
@@ -136,21 +137,23 @@ def demonstrations(
 
 def _signals(one: ShownScenario, baseline: PositionPrimitive) -> tuple[list[Item], Panel]:
     """Demonstrated hands, and plots of signals of the demonstrations and of no avoidance."""
-    name, bare, grey = one.scenario.name, without_avoidance(one.reaches), DEMONSTRATIONS.colour
-    people = [(person.name, person.time, person.position, grey) for person in one.demonstrations]
-    hands = [moving_frame(entity(name, "hands", label), *its) for label, *its in people]
-    curves: dict[str, list[Item]] = {"distance": [], **{side: [] for side in SIDES.values()}}
+    name, bare = one.scenario.name, without_avoidance(one.reaches)
+    people = [(run.name, run.time, run.position, DEMONSTRATIONS.colour) for run in one.demonstrations]
+    hands = [
+        moving_frame(entity(name, "hands", label), time, position, colour)
+        for label, time, position, colour in people
+    ]
+    curves = defaultdict[str, list[Item]](list)
     for label, time, position, colour in [*people, (BARE.name, bare.time, bare.position, BARE.colour)]:
         local = 1e3 * to_local(position, baseline)
-        values = {"distance": 1e3 * one.scenario.obstacle.signed_distance(position)}
-        for part, signal in (values | {side: local[:, axis] for axis, side in SIDES.items()}).items():
+        values = {side: local[:, axis] for axis, side in SIDES.items()}
+        values["distance"] = 1e3 * one.scenario.obstacle.signed_distance(position)
+        for part, signal in values.items():
             curves[part].append(series(entity(name, part, label), time, signal, label, colour))
-    words = [
-        "distance to the surface (mm)",
-        *(f"hand {side} the straight line (mm)" for side in SIDES.values()),
-    ]
-    plots = zip(words, curves.values(), strict=True)
-    return hands, views.column(*(views.plot(heading, its, legend=False) for heading, its in plots))
+    headings = {"distance": "distance to the surface (mm)"}
+    headings |= {side: f"hand {side} the straight line (mm)" for side in SIDES.values()}
+    plots = views.plots({heading: curves[part] for part, heading in headings.items()}, legend=False)
+    return hands, views.column(*plots)
 
 
 def trained(shown: Sequence[ShownScenario]) -> Recording:
@@ -190,9 +193,8 @@ def _models(one: ShownScenario, kinds: Sequence[str]) -> Iterator[Panel]:
                 colors=items.rgba(colour, 0.8),
                 radii=-0.8,
             )
-            paths.append(lines(f"{path}/path", [reach.position], colour, -1.5))
+            paths += items.travelled(path, reach.time, reach.position, colour, -1.5)
             paths.append(Item(f"{path}/coupling", [arrows]))
-            paths.append(moving_frame(f"{path}/hand", reach.time, reach.position, colour))
             distance = 1e3 * one.scenario.obstacle.signed_distance(reach.position)
             distances.append(series(entity(name, "distance", kind, label), reach.time, distance, *look))
             for axis, direction in DIRECTIONS.items():
@@ -235,13 +237,12 @@ def _solid(path: str, body: Obstacle, colour: str) -> Item:
 
     turned = Rotation.from_matrix(body.rotation).as_quat()  # x, y, z, w
     pose: dict[str, Any] = {"centers": [body.centre], "quaternions": [turned]}
-    look = (colour, SOLID_OPACITY)
+    kinds = {"cylinder": rr.Cylinders3D, "cube": rr.Boxes3D, "sphere": rr.Ellipsoids3D}
     if body.shape == "cylinder":
-        radius, _, half_height = body.half_size
-        shape = {"lengths": [2.0 * half_height], "radii": [radius]}
-        return items.solid(path, rr.Cylinders3D, *look, **shape, **pose)
-    kind = rr.Boxes3D if body.shape == "cube" else rr.Ellipsoids3D
-    return items.solid(path, kind, *look, half_sizes=[body.half_size], **pose)
+        pose |= {"lengths": [2.0 * body.half_size[2]], "radii": [body.half_size[0]]}
+    else:
+        pose["half_sizes"] = [body.half_size]
+    return items.solid(path, kinds[body.shape], colour, SOLID_OPACITY, **pose)
 
 
 def arrow_vectors(coupling: np.ndarray) -> np.ndarray:
@@ -261,7 +262,6 @@ def scenario_items(one: ShownScenario) -> tuple[list[Item], np.ndarray]:
         _solid(f"{path}/solid", one.scenario.obstacle, colour),
         items.dots(f"{path}/cloud", one.cloud, colour, -1.5),
         lines(entity(name, "demonstrated"), demonstrated, DEMONSTRATIONS.colour, -1.0, opacity=PALE),
-        lines(entity(name, BARE.name, "path"), [bare.position], BARE.colour, -2.0),
-        moving_frame(entity(name, BARE.name, "hand"), bare.time, bare.position, BARE.colour),
+        *items.travelled(entity(name, BARE.name), bare.time, bare.position, BARE.colour, -2.0),
         items.floor_axes(entity(name, "axes"), points),
     ], points

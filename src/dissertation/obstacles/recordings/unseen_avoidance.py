@@ -46,10 +46,12 @@ def unseen(situation: Situations, groups: Sequence[Group], baseline: PositionPri
     everything = np.concatenate([reach.position for its in ensembles.values() for reach in its])
     centres, spheres = in_base_frame(situation.obstacles[0].centre, baseline), situation.obstacles[0]
     colours = [(HIT if reach.hit else FREE).colour for reach in bare]
-    labels = {"labels": [str(number) for number in situation.numbers], "show_labels": False}
+    labels = [str(number) for number in situation.numbers]  # shown on hover
     around = [
         lines(entity(BARE.name), [bare[0].position], BARE.colour, -2.0),
-        items.dots("centres", centres, colours, 0.006, **labels),  # small; each step's is in full size
+        items.dots(
+            "centres", centres, colours, 0.006, labels=labels, show_labels=False
+        ),  # small; each step's is in full size
         items.floor_axes("/axes", everything),
     ]
     cloud = (spheres.points[0] - spheres.centre[0]) @ baseline_axes(baseline).T
@@ -59,8 +61,9 @@ def unseen(situation: Situations, groups: Sequence[Group], baseline: PositionPri
         positions, colour = [reach.position for reach in its], SOURCES[source].colour
         every = lines(entity("all", source), positions, colour, -0.7, opacity=0.7)
         scenes.append(views.scene(model_name(ENSEMBLE, source), [every, *around], everything))
-        look, strips = {"colors": rgba(colour), "radii": -1.5}, rr.LineStrips3D.columns(strips=positions)
-        one.append(Item(entity("one", "paths", source), [rr.LineStrips3D.from_fields(**look)], steps, strips))
+        look = rr.LineStrips3D.from_fields(colors=rgba(colour), radii=-1.5)
+        strips = rr.LineStrips3D.columns(strips=positions)
+        one.append(Item(entity("one", "paths", source), [look], steps, strips))
         closest.append(_closest(its, steps))
     texts = []
     for number, group in zip(situation.numbers, groups, strict=True):
@@ -170,12 +173,12 @@ def _scene(situation: Situations, index: int, group: Group, baseline: PositionPr
     radii = [float(obstacle.radius[index]) for obstacle in situation.obstacles]
     nearest = surface_distances(bare.position, centres, radii).min(axis=1)
     shown, distances, drawn = list[Item](), [], [bare, *of_model(group, ENSEMBLE)]
-    for number, (obstacle, path) in enumerate(zip(situation.obstacles, centres, strict=True)):
+    for number, (obstacle, centre) in enumerate(zip(situation.obstacles, centres, strict=True)):
         cloud = (obstacle.points[index] - obstacle.centre[index]) @ baseline_axes(baseline).T
         # a hit between kept samples is assigned to the nearest sphere
         hit = bare.hit and nearest[number] <= max(0.0, nearest.min())
         colours = [(HIT if hit else FREE).colour] * len(bare.time)
-        shown += sphere(f"{scene}/spheres/{number}", cloud, radii[number], bare.time, path, colours)
+        shown += sphere(f"{scene}/spheres/{number}", cloud, radii[number], bare.time, centre, colours)
     times, goals = [0.0], [baseline.goal]
     if situation.goal_change is not None:
         times.append(situation.goal_change.time)
@@ -183,7 +186,7 @@ def _scene(situation: Situations, index: int, group: Group, baseline: PositionPr
     shown.append(items.moving_point(f"{scene}/goal", np.array(times), np.array(goals), BLUE, -5.0))
     for reach in drawn:
         label, colour = look = SOURCES[reach.learned_from]
-        ahead, path = f"{scene}/ahead/{entity(label)[1:]}", f"{scene}/reaches/{entity(label)[1:]}"
+        ahead, path = (entity(situation.protocol, heading, part, label) for part in ("ahead", "reaches"))
         shown.append(lines(ahead, [reach.position], colour, -1.0, opacity=PALE))
         shown.append(items.moving_frame(f"{path}/hand", reach.time, reach.position, colour))
         shown.append(items.trail(f"{path}/trail", reach.time, reach.position, colour, -1.5))
@@ -191,7 +194,8 @@ def _scene(situation: Situations, index: int, group: Group, baseline: PositionPr
         arrows = rr.Arrows3D.columns(origins=reach.position, vectors=arrow_vectors(reach.coupling_in_base))
         shown.append(Item(f"{path}/coupling", [thin], reach.time, arrows))
         distance = 1e3 * surface_distances(reach.position, centres, radii).min(axis=0)
-        distances.append(series(f"{scene}/distance/{entity(label)[1:]}", reach.time, distance, *look))
+        curve = entity(situation.protocol, heading, "distance", label)
+        distances.append(series(curve, reach.time, distance, *look))
     everything = np.concatenate([*(reach.position for reach in drawn), *centres])
     view = views.scene(heading, [*shown, items.floor_axes(f"{scene}/axes", everything)], everything)
     plot = views.plot("distance to the surface (mm)", distances, legend=False)
@@ -212,7 +216,7 @@ def sphere(
     colours: Sequence[str],
 ) -> Iterator[Item]:
     """A sphere with changing centre (T, 3) m and colour; `cloud` (P, 3) m is relative to the centre."""
-    yield items.moved(path, times, centres)
+    yield items.moving_frame(path, times, centres)
     solid = rr.Ellipsoids3D(half_sizes=[[radius] * 3], fill_mode="solid")
     pale = rr.Ellipsoids3D.columns(colors=rgba(colours, SOLID_OPACITY))
     yield Item(f"{path}/solid", [solid], times, pale)

@@ -129,7 +129,7 @@ def scene(path: str, one: Execution, scale: float, shadow: bool = False) -> list
     shown = [
         items.moving_frame(f"{path}/hand", times, position, colour, orientation),
         *hand(f"{path}/hand", skin, opacity),
-        items.moved(f"{path}/tool", times, grasp, turned),
+        items.moving_frame(f"{path}/tool", times, grasp, "", turned),
         *tool(f"{path}/tool", colour, grip, opacity),
     ]
     if shadow:
@@ -144,7 +144,7 @@ def board(path: str, board_deg: float = 0.0) -> Item:
     """The board, tilted about its axis, with its top at the contact point."""
     turn = rr.Quaternion(xyzw=quaternion.to_xyzw(layout.board_orientation(board_deg)))
     pose = rr.Transform3D(translation=layout.CONTACT_M, quaternion=turn)
-    body = items.boxes(path, [BOARD_M], [[0.0, 0.03, -0.5 * BOARD_M[2]]], BOARD)
+    body = items.solid(path, rr.Boxes3D, BOARD, sizes=[BOARD_M], centers=[[0.0, 0.03, -0.5 * BOARD_M[2]]])
     return Item(path, [pose, *body.still])
 
 
@@ -159,7 +159,7 @@ def hand(path: str, skin: str = SKIN, opacity: float = 1.0) -> list[Item]:
     centres = [[0.0, 0.0, 0.5 * (top + bottom)], [0.0, 0.0, top - 0.5 * WRIST_M]]
     return [
         items.solid(f"{path}/fingers", rr.Capsules3D, skin, 0.4 * opacity, **fingers),
-        items.boxes(f"{path}/palm", sizes, centres, skin, opacity),
+        items.solid(f"{path}/palm", rr.Boxes3D, skin, opacity, sizes=sizes, centers=centres),
     ]
 
 
@@ -169,7 +169,7 @@ def tool(path: str, colour: str, grip: str = WHITE, opacity: float = 1.0) -> lis
     sizes = [GRIP_M, np.array([width, BLADE_M, edge - reached])]
     centres = [[0.0, 0.0, 0.0], [0.0, 0.0, 0.5 * (reached + edge)]]
     ends = [[-0.5 * width, 0.0, edge], [0.5 * width, 0.0, edge]]
-    body = items.boxes(f"{path}/body", sizes, centres, [grip, colour], opacity)
+    body = items.solid(f"{path}/body", rr.Boxes3D, [grip, colour], opacity, sizes=sizes, centers=centres)
     return [body, items.lines(f"{path}/edge", [ends], colour, -2.5)]
 
 

@@ -186,6 +186,6 @@ def _costs(search: Search, diagram: Diagram, iteration: int) -> Iterator[Item]:
     failed = search.history["cost_rad"].isna()
     if failed.any():
         now = int(failed[search.history["iteration"] == iteration].sum())
-        place, label = [diagram.points(iteration, diagram.y_range[1])], [f"{now} failed"]
-        failures = (place, label) if now else ([], [])
-        yield texts(search.path("costs", "failed"), *failures, ORANGE, at=at)
+        place = diagram.points(iteration, diagram.y_range[1])
+        label = [f"{now} failed"] * (now > 0)
+        yield texts(search.path("costs", "failed"), [place] * (now > 0), label, ORANGE, at=at)

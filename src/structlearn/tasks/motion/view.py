@@ -14,7 +14,6 @@ from structlearn.tasks.task_files import TaskFiles
 from structlearn.viewer import items, views
 from structlearn.viewer.arms import arm_scene, attached, followed, sticks
 from structlearn.viewer.recording import Recording
-from structlearn.viewer.recording import write as write_recording
 
 ARM, BODY = "arm", "load"
 RATE_HZ, RADIUS_M = 25.0, 0.06  # sampling rate of the motion; drawn radius of the load
@@ -23,16 +22,16 @@ REFERENCE, FOUND, EMPTY = LIGHT_GREY, BLUE, GREY
 NOTHING = "The task has no load."
 
 
-def write(files: TaskFiles, folder: Path) -> None:
-    """Write the recording of the load, if the task has one."""
+def recordings(files: TaskFiles) -> dict[str, Recording]:
+    """The recording of the load, if the task has one."""
     parameters = files.entry(MotionParameters)
     if parameters.load is None or not (files.learned / "carried.parquet").exists():
-        return
+        return {}
     tables = {name: files.table(f"motion/{name}") for name in ("carried", "motions", "loads")}
-    if len(tables["carried"]):
-        logs = read_logs(files.recorded / "logs.parquet", parameters)
-        shown = carried(files.learned / "identified.urdf", tables, logs, parameters.load)
-        write_recording(folder / "load.rrd", shown)
+    if not len(tables["carried"]):
+        return {}
+    logs = read_logs(files.recorded / "logs.parquet", parameters)
+    return {"load": carried(files.learned / "identified.urdf", tables, logs, parameters.load)}
 
 
 def carried(

@@ -2,7 +2,6 @@
 
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -23,7 +22,7 @@ from structlearn.segmentation.segments import Segmentation
 from structlearn.tasks.movement.parameters import PARTS, MovementEntry
 from structlearn.tasks.movement.phase_corrections import complete, typical_paths
 from structlearn.tasks.task_files import TaskFiles
-from structlearn.viewer import items, recording, views
+from structlearn.viewer import items, views
 from structlearn.viewer.demonstrations import demonstrations
 from structlearn.viewer.items import Item, entity, series
 from structlearn.viewer.primitives import primitives
@@ -50,8 +49,8 @@ CHART = ("twist", "swing", "second swing")
 NOTHING = ""
 
 
-def write(files: TaskFiles, folder: Path) -> None:
-    """Write recordings of the demonstrations, of the primitives, and of what else was learned."""
+def recordings(files: TaskFiles) -> dict[str, Recording]:
+    """Recordings of the demonstrations, of the primitives, and of what else was learned."""
     own, runs, learned = files.entry(MovementEntry), files.runs("demonstrations"), files.primitives()
     cut = joined_execution(runs) if own.presegmented == PARTS else (runs, files.segmentation())
     paths = {name: files.table(f"primitives/{name}") for name in ("nominal", "generalised")}
@@ -66,8 +65,7 @@ def write(files: TaskFiles, folder: Path) -> None:
         complete_runs = complete(files.runs("corrected"), files.table("feedback/completeness"))
         networks = read_networks(files.folder / "feedback/phase_networks.safetensors")
         shown["corrected"] = corrected(complete_runs, learned, networks)
-    for name, its in shown.items():
-        recording.write(folder / f"{name}.rrd", its)
+    return shown
 
 
 def corrected(
@@ -133,7 +131,7 @@ def _cap(name: str, colour: str, place: int, times: np.ndarray, orientation: np.
     size: dict[str, Any] = {"lengths": [0.5 * RADIUS], "radii": [RADIUS]}
     cap = items.solid(entity("caps", name), rr.Cylinders3D, colour, 0.8, **size)
     return [
-        items.moved(cap.path, times, np.tile(middle, (len(orientation), 1)), orientation, cap.still),
+        *(cap, items.moving_frame(cap.path, times, np.tile(middle, (len(orientation), 1)), "", orientation)),
         items.lines(entity("caps", name, "pointer"), [pointer], LIGHT_GREY, 0.003),
         items.dots(entity("marks", name), front[:1], colour, 0.004),
         items.dots(entity("marks", name, "name"), front[1:], colour, 0.0, labels=[name]),

@@ -1,7 +1,6 @@
 """Recording of reaches past obstacles: the recorded hand and hands of models in the same scenes."""
 
 from collections.abc import Mapping
-from pathlib import Path
 
 import numpy as np
 import pandas as pd
@@ -9,7 +8,7 @@ import rerun as rr
 
 from structlearn.palette import BLACK, DEMONSTRATION_COLOUR, GREY, LIGHT_GREY, SCENE_MODELS, Look
 from structlearn.tasks.task_files import TaskFiles
-from structlearn.viewer import items, recording, views
+from structlearn.viewer import items, views
 from structlearn.viewer.items import entity
 from structlearn.viewer.recording import Recording
 
@@ -33,12 +32,12 @@ NOTE = (
 NOTHING = "The task has no reaches past obstacles."
 
 
-def write(files: TaskFiles, folder: Path) -> None:
-    """Write the recording of the reaches that the page shows."""
+def recordings(files: TaskFiles) -> dict[str, Recording]:
+    """The recording of the reaches that the page shows."""
     tables = {name: files.table(f"obstacles/{name}") for name in ("paths", "shapes")}
-    if len(tables["paths"]):
-        shown = reaches_past_obstacles(tables, f"{files.name}: reaches past obstacles")
-        recording.write(folder / "obstacles.rrd", shown)
+    if not len(tables["paths"]):
+        return {}
+    return {"obstacles": reaches_past_obstacles(tables, f"{files.name}: reaches past obstacles")}
 
 
 def reaches_past_obstacles(tables: Mapping[str, pd.DataFrame], title: str) -> Recording:
@@ -54,7 +53,9 @@ def reaches_past_obstacles(tables: Mapping[str, pd.DataFrame], title: str) -> Re
         solid = shapes["box"].to_numpy(bool)
         walls = {"sizes": sizes[~solid], "centers": centres[~solid], "fill_mode": "majorwireframe"}
         shown = [
-            items.boxes(entity(name, "obstacles"), sizes[solid], centres[solid], GREY),
+            items.solid(
+                entity(name, "obstacles"), rr.Boxes3D, GREY, sizes=sizes[solid], centers=centres[solid]
+            ),
             items.solid(entity(name, "walls"), rr.Boxes3D, LIGHT_GREY, **walls),
             items.floor_axes(entity(name, "axes"), (centres - 0.5 * sizes)[solid]),
         ]
@@ -63,8 +64,7 @@ def reaches_past_obstacles(tables: Mapping[str, pd.DataFrame], title: str) -> Re
             its = paths[paths["model"] == model]
             points, time, path = its[PLACE].to_numpy(), its["time_s"].to_numpy(), entity(name, look.name)
             width = 1.0 if look.colour == LIGHT_GREY else 2.0
-            shown.append(items.lines(f"{path}/path", [points], look.colour, -width))
-            shown.append(items.moving_frame(f"{path}/hand", time, points, look.colour))
+            shown += items.travelled(path, time, points, look.colour, -width)
             # distance from the obstacles' extents
             beyond = np.maximum(np.abs(points[:, None] - centres[solid]) - 0.5 * sizes[solid], 0.0)
             apart = 1e3 * np.linalg.norm(beyond, axis=-1).min(axis=1)

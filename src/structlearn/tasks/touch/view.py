@@ -2,7 +2,6 @@
 
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
-from pathlib import Path
 
 import numpy as np
 import pandas as pd
@@ -15,7 +14,7 @@ from structlearn.tasks.task_files import TaskFiles
 from structlearn.tasks.touch.parameters import SurfaceParameters, TouchParameters
 from structlearn.tasks.touch.surface_traces import slides_on_clock, trial_groups
 from structlearn.tasks.touch.touch_names import SLIDE_GROUPS, material_of, of_pair, shown_map
-from structlearn.viewer import items, recording, views
+from structlearn.viewer import items, views
 from structlearn.viewer.demonstrations import demonstrations
 from structlearn.viewer.items import Item, entity
 from structlearn.viewer.recording import Recording
@@ -38,15 +37,14 @@ skin by another run.
 NOTHING = "The task has no touches."
 
 
-def write(files: TaskFiles, folder: Path) -> None:
-    """Write the recording of a skin, or of slides."""
+def recordings(files: TaskFiles) -> dict[str, Recording]:
+    """The recording of a skin, or of slides."""
     parameters = files.entry(TouchParameters)
-    if parameters.surfaces is not None:
-        trials = slides_on_clock(read_streams(files.recorded / "streams.parquet"), parameters.surfaces)
-        expected = read_vector_primitive(files.learned / "expected.safetensors")
-        recording.write(folder / "slides.rrd", slides(trials, expected, parameters.surfaces))
-    else:
-        recording.write(folder / "skin.rrd", skin(files.tables("touch"), parameters.tuned_on))
+    if parameters.surfaces is None:
+        return {"skin": skin(files.tables("touch"), parameters.tuned_on)}
+    trials = slides_on_clock(read_streams(files.recorded / "streams.parquet"), parameters.surfaces)
+    expected = read_vector_primitive(files.learned / "expected.safetensors")
+    return {"slides": slides(trials, expected, parameters.surfaces)}
 
 
 def skin(tables: Mapping[str, pd.DataFrame], tuned_on: tuple[str, ...]) -> Recording:
