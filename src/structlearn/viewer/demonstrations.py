@@ -1,7 +1,7 @@
 """Recording of demonstrations: paths and frames in 3-D, all signals over time, and cut points."""
 
 from collections.abc import Iterator, Sequence
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 import rerun as rr
@@ -15,7 +15,7 @@ from structlearn.viewer.items import Item, entity
 from structlearn.viewer.recording import Recording
 from structlearn.viewer.views import Panel
 
-AXES = "xyz"
+AXES, TURNED, TOUCH = "xyz", "turned (degrees)", "tactile"
 DETAILED = 12  # number of demonstrations with a tab each
 ELECTRODES_PER_FINGER = 19  # of a BioTac; other numbers of channels share one plot
 
@@ -47,9 +47,8 @@ def demonstrations(
         views.plot(f"{axis} (mm)", [item for one in shown for item in one.positions(axis)], legend=False)
         for axis in AXES
     ]
-    turned = [signal.item for one in shown for signal in one.signals if signal.kind == "turned"]
-    if turned:
-        plots.append(views.plot("turned (degrees)", turned, legend=False))
+    if turned := [one.signals[TURNED] for one in shown if TURNED in one.signals]:
+        plots.append(views.plot(TURNED, turned, legend=False))
     lanes = [views.lanes([lane for one in shown for lane in one.lanes])] if cut else []
     notes = views.notes(f"{note}\n\n{views.origin_sentence(runs)}")
     left = views.column(overview, notes, shares=[4, 1])
@@ -61,15 +60,6 @@ def demonstrations(
     details = [_detail(one, cut, around) for one in shown[:DETAILED]]
     first = 1 if touch and not around else 0  # the overview does not show touch
     return Recording(title, views.tabs(whole, *details, active=first))
-
-
-class _Signal(NamedTuple):
-    """A plot of one demonstration."""
-
-    kind: str  # first part of the entity's path
-    title: str
-    item: Item
-    legend: bool
 
 
 class _Shown:
@@ -95,7 +85,7 @@ class _Shown:
         turned = None if run.orientation is None else run.orientation[self.kept]
         pose = (run.time[self.kept], run.position[self.kept], WHITE, turned, length)
         self.moving = [path, items.moving_frame(entity("hands", run.name), *pose)]
-        self.signals = list(self._signals())
+        self.signals = {title: self._curve(title, its) for title, its in _signals(run, self.kept).items()}
 
     def positions(self, axis: str) -> Iterator[Item]:
         """An axis as a line coloured by primitive, and points at the cuts."""
@@ -109,33 +99,34 @@ class _Shown:
             path = entity("cuts", axis, run.name)
             yield items.marks(path, run.time[cuts], position[cuts], "cuts", WHITE)
 
-    def _signals(self) -> Iterator[_Signal]:
-        run, kept = self.run, self.kept
+    def _curve(self, title: str, values: np.ndarray) -> Item:
+        look: Any = (AXES, AXIS_COLOURS, 1.5)
+        if title.startswith(TOUCH):
+            numbers = range(values.shape[1])
+            names, colours = zip(
+                *((f"E{number + 1}", primitive_colour(number)) for number in numbers), strict=True
+            )
+            look = (names, colours, 1.0)
+        path = entity(title.split(" (")[0], self.run.name)
+        return items.series(path, self.run.time[self.kept], values, *look)
 
-        def signal(kind: str, title: str, values: np.ndarray, *look: Any, legend: bool = True) -> _Signal:
-            names, colours = look or (AXES, AXIS_COLOURS)
-            style = (names, colours, 1.5 if legend else 1.0)
-            curve = items.series(entity(kind, run.name), run.time[kept], values, *style)
-            return _Signal(kind, title, curve, legend)
 
-        yield signal("moved", "moved (mm)", 1e3 * (run.position[kept] - run.position[0]))
-        if run.orientation is not None:
-            orientation = run.orientation[kept]
-            steps = quaternion.difference(orientation[1:], orientation[:-1])
-            turned = np.degrees(np.concatenate([np.zeros((1, 3)), np.cumsum(steps, axis=0)]))
-            yield signal("turned", "turned (degrees)", turned)
-        if run.wrench is not None:
-            force, torque = np.split(run.wrench[kept], 2, axis=1)
-            yield signal("force", "force (N)", force)
-            yield signal("torque", "torque (N m)", torque)
-        if run.tactile is not None:
-            changes = run.tactile[kept] - run.tactile[0]  # resting values differ far more
-            count, rest = divmod(changes.shape[1], ELECTRODES_PER_FINGER)
-            parts = [changes] if rest else np.split(changes, count, axis=1)
-            for finger, part in enumerate(parts, 1):
-                kind, numbers = "tactile" if rest else f"tactile {finger}", range(part.shape[1])
-                names = [f"E{number + 1}" for number in numbers], [primitive_colour(one) for one in numbers]
-                yield signal(kind, f"{kind} (counts since the start)", part, *names, legend=False)
+def _signals(run: Demonstration, kept: slice) -> dict[str, np.ndarray]:
+    """Plotted signals (T, D) of a demonstration by heading, which begins with the entity's name."""
+    signals = {"moved (mm)": 1e3 * (run.position[kept] - run.position[0])}
+    if run.orientation is not None:
+        orientation = run.orientation[kept]
+        steps = quaternion.difference(orientation[1:], orientation[:-1])
+        signals[TURNED] = np.degrees(np.concatenate([np.zeros((1, 3)), np.cumsum(steps, axis=0)]))
+    if run.wrench is not None:
+        signals["force (N)"], signals["torque (N m)"] = np.split(run.wrench[kept], 2, axis=1)
+    if run.tactile is not None:
+        changes = run.tactile[kept] - run.tactile[0]  # resting values differ far more
+        fingers, rest = divmod(changes.shape[1], ELECTRODES_PER_FINGER)
+        for finger, part in enumerate([changes] if rest else np.split(changes, fingers, axis=1), 1):
+            name = TOUCH if rest else f"{TOUCH} {finger}"
+            signals[f"{name} (counts since the start)"] = part
+    return signals
 
 
 def _parts(run: Demonstration, cuts: np.ndarray) -> list[Part]:
@@ -153,7 +144,7 @@ def _detail(one: _Shown, cut: bool, around: Sequence[Item]) -> Panel:
     name = f"{one.run.name}{views.origin_label([one.run])}"
     scene = views.scene(name, [*one.moving, *around], one.run.position)
     lanes = [views.lanes(one.lanes)] if cut else []
-    plots = [views.plot(signal.title, [signal.item], signal.legend) for signal in one.signals]
+    plots = [views.plot(title, [its], not title.startswith(TOUCH)) for title, its in one.signals.items()]
     left = views.column(scene, *lanes, shares=[5, 1][: 1 + len(lanes)])
     right = views.grid(*plots, columns=1 if len(plots) < 4 else 2)
     return views.row(left, right, name=one.run.name, shares=[2, 3])

@@ -112,7 +112,7 @@ def demonstrations(shown: Sequence[ShownTouch], skin: Skin, handle_radius: float
         middle = np.median(one.motion.position[one.rows], axis=0)
         view = scene.close_view(f"finger on the handle{origin}", [*finger, handle], middle, _finger_x(one))
         flat = scene.map_view("skin, flat (mm)", drawn, skin)
-        plots = [views.plot(heading, its) for heading, its in _curves(one, skin).items()]
+        plots = views.plots(_curves(one, skin))
         colours = {
             f"counts fell, full colour at {scale:.0f} counts: pressed": "orange electrodes",
             "counts rose: the fluid bulges": "light blue electrodes",

@@ -82,8 +82,7 @@ def servo_runs(
             view = scene.close_view(f"NJ, {label} (simulated)", [*finger, body], above, ahead)
             heading = f"skin and latent path, {label} (mm)"
             columns.append(views.column(view, scene.map_view(heading, drawn, flat_skin.skin)))
-        plots = [views.plot(heading, its) for heading, its in _curves(name, runs).items()]
-        tabs.append(scene.tab(name, columns, plots, _notes(runs)))
+        tabs.append(scene.tab(name, columns, views.plots(_curves(name, runs)), _notes(runs)))
     return Recording(TITLE, views.tabs(*tabs))
 
 

@@ -113,22 +113,19 @@ def touch(
     numbers = [str(number + 1) for number in range(len(places))]
     drawn = [items.texts(f"{path}/skin/numbers", places + np.array([0.0, 0.4]), numbers, SKIN)]
     kept = items.kept(motion.time, COLOUR_RATE_HZ)
-    readings = motion.time[kept], np.clip(-motion.signals[kept] / scale, -1.0, 1.0)
-    for above, shown, electrodes in (
-        ("finger", finger, rr.Points3D(skin.electrodes, radii=ELECTRODE_M)),
-        ("skin", drawn, rr.Points2D(places, radii=ELECTRODE_MM)),
-    ):
-        time, felt = readings
-        shown.append(items.readings(f"{path}/{above}/electrodes", time, electrodes, felt, 1.0))
+    time, felt = motion.time[kept], np.clip(-motion.signals[kept] / scale, -1.0, 1.0)
+    solid, dots = rr.Points3D(skin.electrodes, radii=ELECTRODE_M), rr.Points2D(places, radii=ELECTRODE_MM)
+    finger.append(items.readings(f"{path}/finger/electrodes", time, solid, felt, 1.0))
+    drawn.append(items.readings(f"{path}/skin/electrodes", time, dots, felt, 1.0))
     for contact in (one for one in contacts if len(one.time)):
         kept = items.kept(contact.time, COLOUR_RATE_HZ)
-        point, look = contact.point[kept], {"there": contact.touching[kept]}
+        time, point, name, look = contact.time[kept], contact.point[kept], contact.name, contact.colour
         for above, shown, at, radius in (
             ("finger", finger, point, CONTACT_M),
             ("skin", drawn, flat(skin, point), CONTACT_MM),
         ):
-            name, time = f"{path}/{above}/{contact.name}", contact.time[kept]
-            shown.append(items.moving_point(name, time, at, contact.colour, radius, **look))
+            place = (f"{path}/{above}/{name}", time, at, look, radius)
+            shown.append(items.moving_point(*place, there=contact.touching[kept]))
     return finger, drawn
 
 
@@ -171,8 +168,8 @@ def close_view(name: str, shown: Sequence[Item], centre: np.ndarray, finger_x: n
 def map_view(name: str, shown: Sequence[Item], skin: Skin) -> Panel:
     """2-D view with the extent of the flat skin."""
     (left, right), (low, high) = (1e3 * np.array(ends) for ends in (skin.along, skin.across))
-    rows = [-high - MARGIN_MM, -low + MARGIN_MM]
-    return views.flat(name, shown, [left - MARGIN_MM, right + MARGIN_MM], rows)
+    columns, rows = ([start - MARGIN_MM, end + MARGIN_MM] for start, end in ((left, right), (-high, -low)))
+    return views.flat(name, shown, columns, rows)
 
 
 def tab(name: str, columns: Sequence[Panel], plots: Sequence[Panel], notes: str) -> Panel:
