@@ -20,27 +20,18 @@ def main() -> None:
     prepared = stage_parameters("touch_dataset", TouchDataParameters)
     person = stage_parameters("toucher", ToucherParameters)
     map_unit = stage_parameters("train_latent", LatentParameters).map_unit_m
-    skin, dataset, latent_map = (
-        SKINS[person.skin],
-        read_dataset(files.MADE_BY["touch"][0]),
-        files.tables("models")["latent_map"],
-    )
-    shown = touches.shown_touches(
-        read_runs(files.RUNS),
-        dataset,
-        latent_map,
-        read_table(files.MADE_BY["contacts"][0]),
-        chosen.demonstrations,
-        prepared.air_s,
-    )
-    points = dataset.contact_point
+    skin, dataset = SKINS[person.skin], read_dataset(files.MADE_BY["touch"][0])
+    runs, truth = read_runs(files.RUNS), read_table(files.MADE_BY["contacts"][0])
+    latent_map, points = files.tables("models")["latent_map"], dataset.contact_point
+    selected = (chosen.demonstrations, prepared.air_s)
+    shown = touches.shown_touches(runs, dataset, latent_map, truth, *selected)
     laid = FlatSkin.fitted(skin, points, latent_map[["x", "y"]].to_numpy(float), map_unit)
     loops = files.tables("loops")
-    runs = servo_runs.shown_runs(loops["trials"], loops["paths"], chosen.trials)
+    trials = servo_runs.shown_runs(loops["trials"], loops["paths"], chosen.trials)
     recordings = {
         "demonstrations": touches.demonstrations(shown, skin, 1e-3 * person.handle_radius_mm),
         "latent": touches.latent_maps(shown, laid, latent_map, points, chosen.map_points),
-        "servo": servo_runs.servo_runs(runs, laid, handle_of(person)),
+        "servo": servo_runs.servo_runs(trials, laid, handle_of(person)),
     }
     publish_recordings("reports/rerun/servoing", recordings)
 

@@ -5,7 +5,7 @@ count steps. Colours are `#rrggbb`, one or several, or numbers as of `rgba`; rad
 """
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -26,6 +26,7 @@ RESTING = "#565d66"  # electrode that reads as expected
 
 Colours = str | Sequence[str] | np.ndarray
 Times = np.ndarray | Mapping[str, np.ndarray]
+Step = Mapping[str, float] | None  # one time on each time line
 
 
 @dataclass(frozen=True, eq=False)
@@ -34,9 +35,9 @@ class Item:
 
     path: str
     still: Sequence[rr.AsComponents] = ()
-    times: Times = field(default_factory=dict)
+    times: Times | None = None
     columns: Any = ()  # components over times
-    at: Mapping[str, float] = field(default_factory=dict)  # step by time line at which `still` appears
+    at: Step = None  # when `still` appears; None: always
     floor_m: float | None = None  # height of the floor that it stands on
     chunks: Any = None  # ready to be sent
 
@@ -108,23 +109,26 @@ def lane(path: str, times: Times, names: Sequence[str]) -> Item:
     return Item(path, [look], times, rr.StateChange.columns(state=[*names, ""]))
 
 
-def lines(path: str, strips: Any, colours: Colours, radii: float, opacity: float = 1.0, **look: Any) -> Item:
-    """N lines of points (2,) or (3,), with N colours or one; `look`: other components, or `at`."""
+def lines(
+    path: str, strips: Any, colours: Colours, radii: float, opacity: float = 1.0, at: Step = None, **look: Any
+) -> Item:
+    """N lines of points (2,) or (3,), with N colours or one; `look`: other components."""
     kind: Any = rr.LineStrips3D if np.shape(strips[0])[-1] == 3 else rr.LineStrips2D
-    at = look.pop("at", {})
     return Item(path, [kind(strips, colors=rgba(colours, opacity), radii=radii, **look)], at=at)
 
 
-def dots(path: str, points: Any, colours: Colours, radii: float, opacity: float = 1.0, **look: Any) -> Item:
-    """N points (2,) or (3,), with N colours or one; with `labels`, they are shown; `look`: as for `lines`."""
+def dots(
+    path: str, points: Any, colours: Colours, radii: float, opacity: float = 1.0, at: Step = None, **look: Any
+) -> Item:
+    """N points (2,) or (3,), with N colours or one; `labels` are shown; `look`: other components."""
     kind: Any = rr.Points3D if np.shape(points)[-1] == 3 else rr.Points2D
-    at, shown = look.pop("at", {}), {"show_labels": True} if "labels" in look else {}
+    shown = {"show_labels": True} if "labels" in look else {}
     return Item(path, [kind(points, colors=rgba(colours, opacity), radii=radii, **(shown | look))], at=at)
 
 
-def texts(path: str, places: Any, labels: Sequence[str], colours: Colours, **look: Any) -> Item:
+def texts(path: str, places: Any, labels: Sequence[str], colours: Colours, at: Step = None) -> Item:
     """Labels below N points (2,) of a drawing, with N colours or one for all."""
-    return dots(path, np.reshape(places, (-1, 2)), colours, 0.0, labels=list(labels), **look)
+    return dots(path, np.reshape(places, (-1, 2)), colours, 0.0, at=at, labels=list(labels))
 
 
 def solid(path: str, kind: Any, colours: Colours, opacity: float = 1.0, **shape: Any) -> Item:

@@ -71,11 +71,11 @@ def _send(stream: rr.RecordingStream, item: Item) -> None:
         stream.send_chunks(item.chunks)
     if item.still:
         stream.reset_time()
-        for name, step in item.at.items():
+        for name, step in (item.at or {}).items():
             stream.set_time(name, **_unit(step))
-        stream.log(item.path, *item.still, static=not item.at)
-    times = item.times if isinstance(item.times, Mapping) else {TIME: item.times}
-    if times:
+        stream.log(item.path, *item.still, static=item.at is None)
+    if item.times is not None:
+        times = item.times if isinstance(item.times, Mapping) else {TIME: item.times}
         every = [rr.TimeColumn(name, **_unit(values)) for name, values in times.items()]
         stream.send_columns(item.path, every, item.columns)
 

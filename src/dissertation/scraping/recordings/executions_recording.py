@@ -74,8 +74,8 @@ URDF = Path(pybullet_data.getDataPath()) / "kuka_iiwa" / "model.urdf"
 """The arm with its meshes, in PyBullet's data folder."""
 
 JOINTS = tuple(f"lbr_iiwa_joint_{number}" for number in range(1, 8))  # in order of joint-position columns
-PALE = {RUNS[BEFORE].name: RUNS[AFTER].name}
-"""Runs drawn pale in the scene of another: before refinement in that of after, as in figure IV.21."""
+PALE = (RUNS[BEFORE].name, RUNS[AFTER].name)
+"""A run drawn pale in the scene of another: before refinement in that of after, as in figure IV.21."""
 
 
 def executions(
@@ -131,21 +131,20 @@ def _notes(text: str, executions: Sequence[Execution]) -> Panel:
 
 def _setting(tab: str, group: Sequence[Execution], scale: float, notes: Panel) -> Panel:
     """Tab of the executions of one setting."""
-    names = [one.look.name for one in group]
-    shadows = {of: pale for pale, of in PALE.items() if {pale, of} <= set(names)}
+    names, origin = [one.look.name for one in group], views.origin_label([group[0].run])
+    pale, over = PALE if set(PALE) <= set(names) else ("", "")
+    paths = (entity(tab, "runs", name) for name in names)
     shown = {
-        one.look.name: scene(
-            entity(tab, "runs", one.look.name), one, scale, one.look.name in shadows.values()
-        )
-        for one in group
+        one.look.name: scene(path, one, scale, one.look.name == pale)
+        for path, one in zip(paths, group, strict=True)
     }
-    scenes, origin = [], views.origin_label([group[0].run])
-    for name in names:
-        if name in shadows:
-            pale = shadows[name]
-            scenes.append(close_view(f"{name} (pale: {pale}){origin}", [*shown[name], *shown[pale]]))
-        elif name not in shadows.values():
-            scenes.append(close_view(f"{name}{origin}", shown[name]))
+    scenes = [
+        close_view(f"{name} (pale: {pale}){origin}", [*shown[name], *shown[pale]])
+        if name == over
+        else close_view(f"{name}{origin}", shown[name])
+        for name in names
+        if name != pale
+    ]
     maps = [electrode_map(entity(tab, "electrodes", one.look.name), one, scale) for one in group]
     left = views.column(views.row(*scenes), views.row(*maps), notes, shares=[10, 5, 7])
     segments = group[0].run.signal("true_segments")  # the same in every setting

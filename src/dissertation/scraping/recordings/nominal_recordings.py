@@ -156,7 +156,7 @@ def _drawn(primitive: str, curve: _Curve, segmentation: Segmentation, step: int 
 
     Bars above mark cuts by crossings alone, bars below the cuts used; for the reference these are the same.
     """
-    path, at = entity(primitive, "guess" if step else "reference"), {DEMONSTRATION: step} if step else {}
+    path, at = entity(primitive, "guess" if step else "reference"), {DEMONSTRATION: step} if step else None
     thinned = curve.time[:: items.thinning(float(curve.time[1] - curve.time[0]))]
     yield items.lines(f"{path}/curve", [curve.points(thinned)], WHITE, -1.5, at=at)
 
