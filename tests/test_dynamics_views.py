@@ -17,8 +17,8 @@ from structlearn.rigid_body.dynamics_models import DynamicsModels
 from structlearn.rigid_body.inertia_parameters import free_parameters
 from structlearn.rigid_body.model_names import DEFAULT
 from structlearn.rigid_body.motion import Motion
-from structlearn.viewer.arm_meshes import send_arm
-from structlearn.viewer.rrd import recording
+from structlearn.viewer.arms import arm_scene, meshes
+from structlearn.viewer.recording import Recording, write
 
 TREE = iiwa().tree
 TOOL_M = (0.0, 0.0, 0.1)
@@ -39,7 +39,7 @@ def shown():
 @pytest.fixture(scope="module")
 def reaches(shown, tmp_path_factory):
     path = tmp_path_factory.mktemp("dynamics") / "reaches.rrd"
-    views.write_reaches(path, IIWA, TREE.names, shown, TITLE)
+    write(path, views.reaches(IIWA, TREE.names, shown, TITLE))
     return path
 
 
@@ -82,9 +82,8 @@ def test_torques_are_shown_per_joint_beside_the_measured_ones(tmp_path):
     }
     models = {"cov_coulomb": DynamicsModels("cov", TREE.names, ("viscous", "coulomb"), (), state)}
     path, kept = tmp_path / "torques.rrd", motion.part(slice(0, 15, 2))
-    views.write_torques(
-        path, IIWA, arm, motion, 0.1, models, TOOL_M, chosen(torques_s=1.5, rate_hz=5.0), TITLE
-    )
+    shown = chosen(torques_s=1.5, rate_hz=5.0)
+    write(path, views.torques(IIWA, arm, motion, 0.1, models, TOOL_M, shown))
     joint = f"/torque/{TREE.names[4]}"
     measured, learned, default = (
         np.ravel(values(path, f"{joint}/{name}", "Scalars:scalars"))
@@ -103,7 +102,7 @@ def test_a_payload_appears_when_it_is_picked_up(tmp_path):
     carried = committed(PayloadParameters, "record_motion.payload")
     learned = payload_table().query("seed == 11")
     path = tmp_path / "payload.rrd"
-    views.write_payload(path, IIWA, TREE, log, learned, carried, chosen(payload_s=10.1), TITLE)
+    write(path, views.payload(IIWA, TREE, log, learned, carried, chosen(payload_s=10.1)))
     time = np.arange(20.0, 40.5, 0.5)
     points = np.array(values(path, "/payload", "Points3D:positions")).reshape(-1, 3)
     body, _ = tool_motion(TREE, carried.point_m, still[:1], still[:1])
@@ -128,8 +127,8 @@ def test_meshes_of_packages_are_found_beside_the_urdf_and_other_joints_stand_sti
     )
     (tmp_path / "arm.urdf").write_text(f'<robot name="two">{links}{joints}</robot>')
     path = tmp_path / "arm.rrd"
-    with recording(path, "Arm") as stream:
-        send_arm(stream, "one", tmp_path / "arm.urdf", ["moves"], np.arange(3.0), np.ones((3, 1)))
+    arm = meshes("one", tmp_path / "arm.urdf", ["moves"], np.arange(3.0), np.ones((3, 1)))
+    write(path, Recording("Arm", arm_scene("arm", arm, np.ones((1, 3)))))
     assert values(path, "/one/two/visual_geometries/a/visual_0", "Asset3D:blob")
     assert len(values(path, "/one/frames/moves", "Transform3D:quaternion")) == 3
     assert len(values(path, "/one/frames/rests", "Transform3D:quaternion")) == 1

@@ -18,7 +18,8 @@ from structlearn.primitives.fitting import (
 from structlearn.tasks.movement import view
 from structlearn.tasks.movement.movement_learning import segmented
 from structlearn.tasks.movement.phase_corrections import phase_networks
-from structlearn.viewer.recorded_demonstrations import write_demonstrations
+from structlearn.viewer.demonstrations import demonstrations
+from structlearn.viewer.recording import write
 
 FIT = FitParameters(smoothing_hz=5.0, kernel_count=10, regression="joint", scaled_axes=(False,) * 3)
 
@@ -44,7 +45,8 @@ def primitives(runs):
 def test_corrected_runs_have_a_colour_per_path(tmp_path, parts):
     path = tmp_path / "corrected.rrd"
     plain = [replace(one, orientation=None) for one in parts]
-    view.write_corrected(path, plain, primitives(plain), dict(phase_networks([np.ones((50, 3))], 5)))
+    networks = dict(phase_networks([np.ones((50, 3))], 5))
+    write(path, view.corrected(plain, primitives(plain), networks))
     for key in ("nominal", "coupling"):
         entity = f"/paths/{PHASE_PATHS[key].name}".replace(" ", "\\ ")
         assert colour_of(path, entity, "LineStrips3D") == PHASE_PATHS[key].colour
@@ -61,13 +63,13 @@ def test_parts_of_the_execution_follow_each_other(tmp_path, parts):
     table = cuts.cuts
     assert (table["start_s"].to_numpy()[1:] == table["end_s"].to_numpy()[:-1]).all()
     path = tmp_path / "execution.rrd"
-    write_demonstrations(path, *view.joined_execution(parts), "title", view.DEMONSTRATED)
+    write(path, demonstrations(*view.joined_execution(parts), "title", view.DEMONSTRATED))
     assert "/hands/execution" in contents(path)[1]
 
 
 def test_turns_show_every_run_and_the_primitive(tmp_path, parts):
     path, runs = tmp_path / "turns.rrd", orientations(segment_paths(parts, whole_run_cuts(parts), 5.0))
-    view.write_turns(path, runs, primitives(parts)[0])
+    write(path, view.turns(runs, primitives(parts)[0]))
     found = contents(path)[1]
     names = [*(f"log\\ {number}" for number in range(1, len(runs) + 1)), view.PRIMITIVE.name]
     assert {f"/caps/{name}" for name in names} <= found

@@ -22,12 +22,13 @@ from dissertation.obstacles.protocol import avoidance_protocols, unrolled_reache
 from dissertation.obstacles.protocol.avoidance_fits import AvoidanceTrainingParameters
 from dissertation.obstacles.protocol.avoidance_protocols import LIMITED, PUBLISHED
 from dissertation.obstacles.recordings import demonstrated_avoidance as drawn
-from dissertation.obstacles.recordings.unseen_avoidance import write_unseen_avoidance
+from dissertation.obstacles.recordings.unseen_avoidance import unseen
 from dissertation.obstacles.world.reaching_person import AvoiderParameters
 from dissertation.obstacles.world.scenarios import SceneParameters
 from structlearn.avoidance.avoidance_dataset import AvoidanceDataParameters
 from structlearn.avoidance.shapes import SHAPES
 from structlearn.reporting.document import render
+from structlearn.viewer.recording import write
 
 
 def error_table(network=0.04, rai=0.6):
@@ -256,7 +257,7 @@ def test_reaches_are_those_of_the_tables(reaches):
 def test_a_solid_is_as_large_as_its_obstacle_and_turned_as_far(tmp_path, shown, shape):
     path = tmp_path / "trained.rrd"
     one = next(one for one in shown if one.scenario.shape == shape)
-    drawn.write_trained_avoidance(path, [one], "Solid")
+    write(path, drawn.trained([one]))
     kind = {"sphere": "Ellipsoids3D", "cube": "Boxes3D", "cylinder": "Cylinders3D"}[shape]
     solid = {
         name: np.array(values(path, f"/{shape}\\/01/obstacle/solid", f"{kind}:{name}"), float).squeeze()
@@ -273,7 +274,7 @@ def test_a_solid_is_as_large_as_its_obstacle_and_turned_as_far(tmp_path, shown, 
 
 def test_models_stand_beside_the_demonstrations_that_they_learned_from(tmp_path, shown):
     path = tmp_path / "trained.rrd"
-    drawn.write_trained_avoidance(path, shown, "Trained")
+    write(path, drawn.trained(shown))
     rows, _, timelines = contents(path)
     assert timelines == {"time"}
     for one in shown:
@@ -294,7 +295,7 @@ def test_models_stand_beside_the_demonstrations_that_they_learned_from(tmp_path,
 
 def test_every_unseen_sphere_is_a_step_with_its_colour_and_paths(tmp_path, reaches):
     path = tmp_path / "unseen.rrd"
-    write_unseen_avoidance(path, UNSEEN, unrolled_reaches.groups_of(UNSEEN, reaches), PRIMITIVE, "Unseen")
+    write(path, unseen(UNSEEN, unrolled_reaches.groups_of(UNSEEN, reaches), PRIMITIVE))
     rows, _, timelines = contents(path)
     assert timelines == {"sphere"}
     for name in (*SHAPES, "all"):

@@ -13,8 +13,7 @@ from viewer_files import colour_of, contents, demonstration, note, values, view_
 from dissertation.scraping.names import CUT_METHODS, ROLLOUTS, RUNS
 from dissertation.scraping.protocol.execution_scores import AFTER, BEFORE, NOMINAL
 from dissertation.scraping.protocol.feedback_models import POINTWISE
-from dissertation.scraping.recordings.executions_recording import write_executions, write_robot
-from dissertation.scraping.recordings.nominal_recordings import write_alignment, write_demonstrations
+from dissertation.scraping.recordings import executions_recording, nominal_recordings
 from dissertation.scraping.recordings.scraping_scene import Execution
 from dissertation.scraping.recordings.search_recording import CHEAP, cost_colours, searches
 from dissertation.scraping.world import layout, scraping_robot
@@ -22,7 +21,8 @@ from structlearn.core import quaternion
 from structlearn.readers.demonstration import Demonstration
 from structlearn.segmentation.parameters import SegmentParameters
 from structlearn.segmentation.segments import cut
-from structlearn.viewer.rrd import entity, rgba
+from structlearn.viewer.items import entity, rgba
+from structlearn.viewer.recording import write
 
 PRIMITIVES = ("down", "turn", "scrape")
 SEGMENTS = np.array([[0.0, 0.3], [0.3, 0.9], [0.9, 1.2]])
@@ -112,7 +112,7 @@ def test_a_tool_flat_on_the_board_is_parallel_to_it_and_meets_the_hand_that_turn
 def test_runs_before_and_after_share_a_scene_and_the_search_has_a_time_line_of_its_own(tmp_path):
     path = tmp_path / "refinement.rrd"
     group = refined(5.0)
-    write_executions(path, {5.0: group}, "Test", rollouts())
+    write(path, executions_recording.executions({5.0: group}, rollouts()))
     rows, entities, timelines = contents(path)
     assert timelines == {"time", "iteration"}
     samples = -(-len(group[0].run.time) // 4)  # 50 Hz of 200
@@ -141,7 +141,7 @@ def test_the_search_of_one_primitive_with_failures_and_the_cheapest_on_top(tmp_p
     path = tmp_path / "refinement.rrd"
     failed = [("turn", 1, "sample", 0), ("turn", 1, "improved", 1)]
     history, samples = rollouts(("turn",), failed=failed)
-    write_executions(path, {10.0: refined()}, refinement=(history, samples))
+    write(path, executions_recording.executions({10.0: refined()}, (history, samples)))
     _, entities, _ = contents(path)
     assert not any(name.startswith("/search/scrape") for name in entities)
     assert values(path, "/search/turn/costs/failed", "Points2D:labels") == [[], ["2 failed"], []]
@@ -160,12 +160,12 @@ def test_the_search_of_one_primitive_with_failures_and_the_cheapest_on_top(tmp_p
 def test_the_arm_of_the_robot_holds_the_hand(tmp_path):
     path = tmp_path / "robot.rrd"
     one = shown()
-    write_robot(path, one, "Robot")
+    write(path, executions_recording.robot(one))
     rows, _, timelines = contents(path)
     assert timelines == {"time"}
     samples = -(-len(one.run.time) // 4)  # 50 Hz of 200
     assert rows["/joints"] == rows["/run/hand"] == samples
-    assert "Robot (simulated)" in view_names(path)
+    assert "Scraping: robot with feedback (simulated)" in view_names(path)
     assert "simulated" in note(path)
     assert colour_of(path, "/run/path", "LineStrips3D") == RUNS[POINTWISE].colour
 
@@ -200,7 +200,7 @@ def test_demonstrations_over_the_board_and_one_step_of_the_alignment_per_demonst
     parameters = committed(SegmentParameters, "segment", primitives=MOVEMENTS)
     demonstrations = [demonstration("1"), demonstration("2", delay=0.1), demonstration("3", delay=-0.1)]
     segmentation = cut(demonstrations, parameters)
-    write_alignment(path, demonstrations, segmentation, parameters, "Alignment")
+    write(path, nominal_recordings.alignment(demonstrations, segmentation, parameters))
     rows, entities, timelines = contents(path)
     assert timelines == {"demonstration"}
     for primitive in ("down", "along"):
@@ -212,11 +212,11 @@ def test_demonstrations_over_the_board_and_one_step_of_the_alignment_per_demonst
     assert "simulated" in note(path)
 
     over_the_board = tmp_path / "demonstrations.rrd"
-    write_demonstrations(over_the_board, demonstrations, segmentation, "Demonstrations")
+    write(over_the_board, nominal_recordings.demonstrations(demonstrations, segmentation))
     assert "/scenery/board" in contents(over_the_board)[1]
     assert "simulated" in note(over_the_board)
 
     kept = segmentation.cuts[segmentation.cuts["demonstration"] != "3"]
     left = replace(segmentation, cuts=kept, left_out=pd.DataFrame())
-    write_alignment(path, demonstrations, left, parameters)
+    write(path, nominal_recordings.alignment(demonstrations, left, parameters))
     assert contents(path)[0]["/down/guess/curve"] == 1

@@ -9,12 +9,8 @@ from viewer_files import colour_of, contents, note, values, view_names
 from dissertation.servoing.names import AS_PUBLISHED, FORM_COLOURS, FORM_NAMES, OURS
 from dissertation.servoing.protocol.servo_trials import make_scene
 from dissertation.servoing.protocol.servo_variants import ServoTrialParameters
-from dissertation.servoing.recordings.demonstrated_touches import (
-    shown_touches,
-    write_latent_maps,
-    write_touch_demonstrations,
-)
-from dissertation.servoing.recordings.servo_runs import shown_runs, write_servo_runs
+from dissertation.servoing.recordings import demonstrated_touches as touches
+from dissertation.servoing.recordings.servo_runs import servo_runs, shown_runs
 from dissertation.servoing.recordings.servoing_scene import FlatSkin
 from dissertation.simulation.touch_demonstrator import (
     ToucherParameters,
@@ -26,7 +22,8 @@ from dissertation.simulation.touch_demonstrator import (
 from structlearn.readers import synchronise
 from structlearn.tactile.electrodes import SKINS
 from structlearn.tactile.touch_dataset import TouchDataParameters, prepare, read_dataset, write_dataset
-from structlearn.viewer.rrd import entity
+from structlearn.viewer.items import entity
+from structlearn.viewer.recording import write
 
 SKIN = SKINS["biotac"]
 PERSON = committed(
@@ -54,7 +51,7 @@ def world(tmp_path_factory):
 
 @pytest.fixture(scope="module")
 def shown(world):
-    return shown_touches(*world, ("translation_1_1", "rotation_1_1"), PREPARED.air_s)
+    return touches.shown_touches(*world, ("translation_1_1", "rotation_1_1"), PREPARED.air_s)
 
 
 @pytest.fixture(scope="module")
@@ -95,7 +92,7 @@ def now(path, scene, places):
 
 def test_demonstrations_show_finger_electrodes_and_both_contacts(shown, tmp_path):
     path = tmp_path / "demonstrations.rrd"
-    write_touch_demonstrations(path, shown, SKIN, 1e-3 * PERSON.handle_radius_mm)
+    write(path, touches.demonstrations(shown, SKIN, 1e-3 * PERSON.handle_radius_mm))
     rows, entities, timelines = contents(path)
     assert timelines == {"time"}
     for one in shown:
@@ -113,7 +110,7 @@ def test_demonstrations_show_finger_electrodes_and_both_contacts(shown, tmp_path
 def test_latent_paths_lie_on_the_skin_after_the_map_is_turned(world, shown, laid, tmp_path):
     _, dataset, latent_map, _ = world
     path = tmp_path / "latent.rrd"
-    write_latent_maps(path, shown, laid, latent_map, dataset.contact_point, 200)
+    write(path, touches.latent_maps(shown, laid, latent_map, dataset.contact_point, 200))
     rows, entities, _ = contents(path)
     assert {"/samples/map", "/samples/skin", "/electrodes/map"} <= entities
     for one in shown:
@@ -130,7 +127,7 @@ def test_closed_loops_stand_beside_each_other_with_the_names_and_colours_of_the_
     labels = list(FORM_NAMES.values())
     assert [list(one) for one in runs] == [labels] * 2
     path = tmp_path / "servo.rrd"
-    write_servo_runs(path, runs, laid, handle)
+    write(path, servo_runs(runs, laid, handle))
     rows, entities, timelines = contents(path)
     assert timelines == {"time"}
     for name in ("1, rotation", "2, mixed"):

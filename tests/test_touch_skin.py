@@ -19,7 +19,8 @@ from structlearn.tasks.touch import touch_names as names
 from structlearn.tasks.touch.skin_protocol import learn_touch, table_of
 from structlearn.tasks.touch.skin_section import SkinRuns, find_skin
 from structlearn.tasks.touch.skin_touches import folds_of, gathered
-from structlearn.tasks.touch.view import write_skin
+from structlearn.tasks.touch.view import skin
+from structlearn.viewer.recording import write
 
 CHANNELS = tuple(str(channel) for channel in range(15))
 
@@ -246,7 +247,8 @@ def test_blocks_of_the_run_tuned_on_decide_nothing():
 
 def test_the_recording_shows_what_is_there(tmp_path):
     for there in (("maps", "paths", "traces"), ("maps", "paths"), ("traces",), ()):
-        write_skin(tmp_path / "skin.rrd", {name: made_up().tables[name] for name in there}, ("a",))
+        tables = {name: made_up().tables[name] for name in there}
+        write(tmp_path / "skin.rrd", skin(tables, ("a",)))
         assert "recorded" in note(tmp_path / "skin.rrd")
         assert ("/map/presses" in contents(tmp_path / "skin.rrd")[1]) == ("maps" in there)
 

@@ -1,24 +1,19 @@
 """Rerun views: reaches with each model, joint torques of a perturbed robot, a payload picked up (III.4)."""
 
 from dissertation.dynamics import files
+from dissertation.dynamics import recordings as draw
 from dissertation.dynamics.names import IDEAL, ROBOT, SHOWN_TRAINING
 from dissertation.dynamics.protocol.tracking import TrackingParameters, tracked_reaches
 from dissertation.dynamics.protocol.trainings import DynamicsTrainingParameters
-from dissertation.dynamics.recordings import (
-    DynamicsViewParameters,
-    write_payload,
-    write_reaches,
-    write_torques,
-)
 from dissertation.dynamics.world.joint_logs import RecordMotionParameters
 from dissertation.simulation.arm import ArmParameters
-from structlearn.core.artefacts import publish
 from structlearn.core.stage import run, stage_parameters
 from structlearn.rigid_body.urdf import urdf_path
+from structlearn.viewer.recording import publish_recordings
 
 
 def main() -> None:
-    chosen = stage_parameters("inspect_dynamics", DynamicsViewParameters)
+    chosen = stage_parameters("inspect_dynamics", draw.DynamicsViewParameters)
     carried = stage_parameters("record_motion", RecordMotionParameters).payload
     arm = stage_parameters("arm", ArmParameters)
     tracking = stage_parameters("track", TrackingParameters)
@@ -35,15 +30,14 @@ def main() -> None:
     models = files.read_robot_models(int(seed), chosen.torque_models, SHOWN_TRAINING)
     picking_up, *_ = files.read_logs("payload").values()
     learned = tables["payload"][tables["payload"]["seed"] == tables["payload"]["seed"].min()]
-    with publish("reports/rerun/dynamics") as folder:
-        folder.mkdir()
-        write_reaches(folder / "reaches.rrd", urdf, names, reaches[IDEAL], "Dynamics: reaches (simulated)")
-        title = "Dynamics: reaches of the perturbed robot (simulated)"
-        write_reaches(folder / "robot_reaches.rrd", urdf, names, reaches[ROBOT], title)
-        title, tool_m = "Dynamics: torques of the perturbed robot (simulated)", tracking.reaching.tool_m
-        write_torques(folder / "torques.rrd", urdf, robot, motion, dt, models, tool_m, chosen, title)
-        title, path = "Dynamics: a payload picked up (simulated)", folder / "payload.rrd"
-        write_payload(path, urdf, robot.tree, picking_up, learned, carried, chosen, title)
+    perturbed = "Dynamics: reaches of the perturbed robot (simulated)"
+    recordings = {
+        "reaches": draw.reaches(urdf, names, reaches[IDEAL], "Dynamics: reaches (simulated)"),
+        "robot_reaches": draw.reaches(urdf, names, reaches[ROBOT], perturbed),
+        "torques": draw.torques(urdf, robot, motion, dt, models, tracking.reaching.tool_m, chosen),
+        "payload": draw.payload(urdf, robot.tree, picking_up, learned, carried, chosen),
+    }
+    publish_recordings("reports/rerun/dynamics", recordings)
 
 
 if __name__ == "__main__":

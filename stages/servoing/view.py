@@ -1,21 +1,18 @@
 """Rerun views: demonstrations of touch, the latent map, and closed-loop servoing (chapter II)."""
 
 from dissertation.servoing import files
-from dissertation.servoing.recordings.demonstrated_touches import (
-    shown_touches,
-    write_latent_maps,
-    write_touch_demonstrations,
-)
-from dissertation.servoing.recordings.servo_runs import shown_runs, write_servo_runs
+from dissertation.servoing.recordings import demonstrated_touches as touches
+from dissertation.servoing.recordings import servo_runs
 from dissertation.servoing.recordings.servoing_scene import FlatSkin, ServoingViewParameters
 from dissertation.servoing.world.servo_loop import handle_of
 from dissertation.simulation.touch_demonstrator import ToucherParameters
-from structlearn.core.artefacts import publish, read_table
+from structlearn.core.artefacts import read_table
 from structlearn.core.stage import run, stage_parameters
 from structlearn.readers.demonstration import read_runs
 from structlearn.tactile.electrodes import SKINS
 from structlearn.tactile.latent_parameters import LatentParameters
 from structlearn.tactile.touch_dataset import TouchDataParameters, read_dataset
+from structlearn.viewer.recording import publish_recordings
 
 
 def main() -> None:
@@ -23,29 +20,20 @@ def main() -> None:
     prepared = stage_parameters("touch_dataset", TouchDataParameters)
     person = stage_parameters("toucher", ToucherParameters)
     map_unit = stage_parameters("train_latent", LatentParameters).map_unit_m
-    skin, dataset, latent_map = (
-        SKINS[person.skin],
-        read_dataset(files.MADE_BY["touch"][0]),
-        files.tables("models")["latent_map"],
-    )
-    shown = shown_touches(
-        read_runs(files.RUNS),
-        dataset,
-        latent_map,
-        read_table(files.MADE_BY["contacts"][0]),
-        chosen.demonstrations,
-        prepared.air_s,
-    )
-    points = dataset.contact_point
+    skin, dataset = SKINS[person.skin], read_dataset(files.MADE_BY["touch"][0])
+    runs, truth = read_runs(files.RUNS), read_table(files.MADE_BY["contacts"][0])
+    latent_map, points = files.tables("models")["latent_map"], dataset.contact_point
+    selected = (chosen.demonstrations, prepared.air_s)
+    shown = touches.shown_touches(runs, dataset, latent_map, truth, *selected)
     laid = FlatSkin.fitted(skin, points, latent_map[["x", "y"]].to_numpy(float), map_unit)
-    with publish("reports/rerun/servoing") as folder:
-        folder.mkdir()
-        handle_m = 1e-3 * person.handle_radius_mm
-        write_touch_demonstrations(folder / "demonstrations.rrd", shown, skin, handle_m)
-        write_latent_maps(folder / "latent.rrd", shown, laid, latent_map, points, chosen.map_points)
-        loops = files.tables("loops")
-        runs = shown_runs(loops["trials"], loops["paths"], chosen.trials)
-        write_servo_runs(folder / "servo.rrd", runs, laid, handle_of(person))
+    loops = files.tables("loops")
+    trials = servo_runs.shown_runs(loops["trials"], loops["paths"], chosen.trials)
+    recordings = {
+        "demonstrations": touches.demonstrations(shown, skin, 1e-3 * person.handle_radius_mm),
+        "latent": touches.latent_maps(shown, laid, latent_map, points, chosen.map_points),
+        "servo": servo_runs.servo_runs(trials, laid, handle_of(person)),
+    }
+    publish_recordings("reports/rerun/servoing", recordings)
 
 
 if __name__ == "__main__":

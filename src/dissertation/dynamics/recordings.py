@@ -5,8 +5,6 @@ from pathlib import Path
 
 import numpy as np
 import pandas as pd
-import rerun as rr
-import rerun.blueprint as rrb
 from pydantic import Field
 
 from dissertation.dynamics.names import PAYLOAD, REFERENCE, colour
@@ -22,20 +20,10 @@ from structlearn.rigid_body.model_names import DEFAULT, GROUND_TRUTH, model_name
 from structlearn.rigid_body.motion import Motion
 from structlearn.rigid_body.robot import Robot
 from structlearn.rigid_body.tree import KinematicTree
-from structlearn.viewer.arm_meshes import arm_contents, arm_view, followed_view, send_arm, send_followed
-from structlearn.viewer.rrd import (
-    Recording,
-    Times,
-    below,
-    entity,
-    legend,
-    notes_view,
-    plot,
-    recording,
-    rgba,
-    table,
-    thinning,
-)
+from structlearn.viewer import items, views
+from structlearn.viewer.arms import arm_scene, followed, meshes
+from structlearn.viewer.items import entity, series
+from structlearn.viewer.recording import Recording
 
 ARM, BODY, WANTED = "arm", "payload", "wanted"
 
@@ -57,65 +45,51 @@ class DynamicsViewParameters(Parameters):
     payload_s: float = Field(gt=0)
 
 
-def write_reaches(
-    path: str | Path, urdf: str | Path, joints: Sequence[str], shown: Sequence[TrackedReach], title: str
-) -> None:
-    """Record the reaches of one arm with several models.
+def reaches(urdf: str | Path, joints: Sequence[str], shown: Sequence[TrackedReach], title: str) -> Recording:
+    """The reaches of one arm with several models.
 
     Every model has a view with its arm and the tool's reference and actual path; plots show tool error and
     speed. The first model's run must not have been stopped.
     """
-    with recording(path, title) as to:
-        to.show(_reaches_blueprint(shown, title))
-        for reach in shown:
-            send_arm(to, f"arm_{reach.model}", urdf, joints, reach.time, reach.joints)
-            _send_tool(to, entity("tools", reach.model), reach.time, reach.tool, colour(reach.model), -2.0)
-            for kind, values in (("off", reach.off_mm), ("speed", reach.speeds[0])):
-                to.series(entity(kind, reach.model), reach.time, values, reach.label, colour(reach.model))
-        first = shown[0]
-        _send_tool(to, WANTED, first.time, first.wanted, REFERENCE, -1.0)
-        to.series(entity("speed", WANTED), first.time, first.speeds[1], WANTED, REFERENCE, width=3.0)
-        rows = [
-            f"| {COLOUR_NAMES[colour(reach.model)]} | {reach.label} "
-            f"| {'' if reach.stopped else f'{reach.velocity_nmse:.2g}'} | {reach.stopped} |"
-            for reach in shown
-        ]
-        notes = (
-            f"### {title}\n\nSimulated. The same reaches ({COLOUR_NAMES[REFERENCE]}: wanted) with one model "
-            "after the other in the controller; the first seed of each.\n\n"
-            + table("| colour | model | NMSE of the tool's velocity | stopped |", rows)
-            + "\n\nA stopped arm stays where it was stopped.\n"
+    first = shown[0]
+    wanted = items.travelled(WANTED, first.time, first.wanted, REFERENCE, -1.0, "tool")
+    times, speed = first.time, first.speeds[1]
+    off, speeds, arms = [], [series(entity("speed", WANTED), times, speed, WANTED, REFERENCE, width=3.0)], []
+    for reach in shown:
+        look = reach.label, colour(reach.model)
+        off.append(series(entity("off", reach.model), reach.time, reach.off_mm, *look))
+        speeds.append(series(entity("speed", reach.model), reach.time, reach.speeds[0], *look))
+        arm = meshes(f"arm_{reach.model}", urdf, joints, reach.time, reach.joints)
+        tool = (reach.time, reach.tool, colour(reach.model), -2.0, "tool")
+        heading = f"{reach.label} (stopped: {reach.stopped})" if reach.stopped else reach.label
+        arms.append(
+            arm_scene(
+                heading, [*arm, *items.travelled(entity("tools", reach.model), *tool), *wanted], first.wanted
+            )
         )
-        to.notes(notes)
-
-
-def _send_tool(to: Recording, place: str, times: Times, tool: np.ndarray, colour: str, width: float) -> None:
-    """Log a tool path (T, 3), and the tool moving along it."""
-    to.lines(f"{place}/path", [tool], colour, width)
-    to.moving_frame(f"{place}/tool", times, tool, colour)
-
-
-def _reaches_blueprint(shown: Sequence[TrackedReach], title: str) -> rrb.Container:
-    views = [
-        arm_view(
-            f"{reach.label}{f' (stopped: {reach.stopped})' if reach.stopped else ''}",
-            [arm_contents(f"arm_{reach.model}"), below("tools", reach.model), f"/{WANTED}/**"],
-            shown[0].wanted,
-        )
+    rows = [
+        f"| {COLOUR_NAMES[colour(reach.model)]} | {reach.label} "
+        f"| {'' if reach.stopped else f'{reach.velocity_nmse:.2g}'} | {reach.stopped} |"
         for reach in shown
     ]
+    notes = (
+        f"### {title}\n\nSimulated. The same reaches ({COLOUR_NAMES[REFERENCE]}: wanted) with one model "
+        "after the other in the controller; the first seed of each.\n\n"
+        + views.table("| colour | model | NMSE of the tool's velocity | stopped |", rows)
+        + "\n\nA stopped arm stays where it was stopped.\n"
+    )
     # limit the axis: an arm that runs away would hide all other curves
     farthest = 1.2 * max(float(np.quantile(reach.off_mm, 0.95)) for reach in shown if len(reach.time) > 1)
-    fastest = 2.0 * float(shown[0].speeds[1].max())
-    off = plot("tool error (mm)", ["/off/**"], False, (0.0, farthest))
-    speed = plot("speed of the tool (m/s)", ["/speed/**"], False, (0.0, fastest))
-    right = rrb.Vertical(off, speed, notes_view(), row_shares=[3, 3, 3])
-    arms = rrb.Grid(*views, grid_columns=2, name=title)
-    return rrb.Horizontal(arms, right, column_shares=[3, 2])
+    right = views.column(
+        views.plot("tool error (mm)", off, False, (0.0, farthest)),
+        views.plot("speed of the tool (m/s)", speeds, False, (0.0, 2.0 * float(speed.max()))),
+        views.notes(notes),
+        shares=[3, 3, 3],
+    )
+    return Recording(title, views.row(views.grid(*arms, name=title), right, shares=[3, 2]))
 
 
-def write_torques(
-    path: str | Path,
+def torques(
     urdf: str | Path,
     robot: Robot,
     motion: Motion,
@@ -123,94 +97,79 @@ def write_torques(
     models: Mapping[str, DynamicsModels],
     tool_m: tuple[float, float, float],
     chosen: DynamicsViewParameters,
-    title: str,
-) -> None:
-    """Record a robot's motion with a plot per joint of measured torques and those of models.
+) -> Recording:
+    """A robot's motion with a plot per joint of measured torques and those of models.
 
     `dt` is the sampling interval in s; shown are the URDF's model and the first seed of each learned model;
     `tool_m` is in the last joint's frame.
     """
-    every, joints = thinning(dt, chosen.rate_hz), robot.tree.names
+    every, joints = items.thinning(dt, chosen.rate_hz), robot.tree.names
     motion = motion.part(slice(0, round(chosen.torques_s / dt), every))
     predicted = {DEFAULT: rigid_body_torques(robot.tree, robot.inertias, motion)}
     predicted |= {name: predicted_torques(its, robot.tree, motion)[0] for name, its in models.items()}
     errors = pd.DataFrame({name: nmse(torques, motion.torque) for name, torques in predicted.items()}, joints)
-    tool, _ = tool_motion(robot.tree, tool_m, motion.q, motion.qd)
-    times = every * dt * np.arange(len(motion))
-    with recording(path, title) as to:
-        to.show(_torque_blueprint(errors, motion, tool, title))
-        send_arm(to, ARM, urdf, joints, times, motion.q)
-        for number, joint in enumerate(joints):
-            curve, measured = entity("torque", joint, MEASURED), motion.torque[:, number]
-            to.series(curve, times, measured, "measured", REFERENCE, width=3.0)
-            for model, torques in predicted.items():
-                curve, name = entity("torque", joint, model), model_name(model)
-                to.series(curve, times, torques[:, number], name, colour(model))
-        rows = [
-            f"| {COLOUR_NAMES[colour(model)]} | {model_name(model)} | {error:.3g} |"
-            for model, error in errors.mean().items()
-        ]
-        notes = (
-            f"### {title}\n\nSimulated. Measured torques ({COLOUR_NAMES[REFERENCE]}, wide) and those of "
-            "models that learned from the whole log, first seed.\n\n"
-            + table("| colour | model | NMSE, mean over joints |", rows)
-            + "\n"
-        )
-        to.notes(notes)
-
-
-def _torque_blueprint(errors: pd.DataFrame, motion: Motion, tool: np.ndarray, title: str) -> rrb.Container:
-    """Layout for the NMSE by joint (rows) and model (columns), and the tool path (T, 3) m."""
-    plots = []
-    for (joint, its), measured in zip(errors.iterrows(), motion.torque.T, strict=True):
-        heading = f"{joint} (N m); best: {model_name(its.idxmin())}, NMSE {its.min():.2g}"
-        shown = [below("torque", joint)]
+    times, plots = every * dt * np.arange(len(motion)), []
+    for number, (joint, its) in enumerate(errors.iterrows()):
+        path, measured = ("torque", str(joint)), motion.torque[:, number]
+        curves = [series(entity(*path, MEASURED), times, measured, "measured", REFERENCE, width=3.0)]
+        for model, values in predicted.items():
+            look = model_name(model), colour(model)
+            curves.append(series(entity(*path, model), times, values[:, number], *look))
         # limit the axis: models that are far off would hide the measured torque
         low, high = np.quantile(measured, [0.002, 0.998])
         room = 0.25 * (high - low)
-        plots.append(plot(heading, shown, False, (low - room, high + room)))
-    left = rrb.Vertical(arm_view(title, [arm_contents(ARM)], tool), notes_view(), row_shares=[3, 2])
-    return rrb.Horizontal(left, rrb.Grid(*plots, grid_columns=2), column_shares=[2, 5])
+        heading = f"{joint} (N m); best: {model_name(its.idxmin())}, NMSE {its.min():.2g}"
+        plots.append(views.plot(heading, curves, False, (low - room, high + room)))
+    rows = [
+        f"| {COLOUR_NAMES[colour(model)]} | {model_name(model)} | {error:.3g} |"
+        for model, error in errors.mean().items()
+    ]
+    title = "Dynamics: torques of the perturbed robot (simulated)"
+    notes = (
+        f"### {title}\n\nSimulated. Measured torques ({COLOUR_NAMES[REFERENCE]}, wide) and those of "
+        "models that learned from the whole log, first seed.\n\n"
+        + views.table("| colour | model | NMSE, mean over joints |", rows)
+        + "\n"
+    )
+    tool, _ = tool_motion(robot.tree, tool_m, motion.q, motion.qd)
+    arm = arm_scene(title, meshes(ARM, urdf, joints, times, motion.q), tool)
+    left = views.column(arm, views.notes(notes), shares=[3, 2])
+    return Recording(title, views.row(left, views.grid(*plots), shares=[2, 5]))
 
 
-def write_payload(
-    path: str | Path,
+def payload(
     urdf: str | Path,
     tree: KinematicTree,
     log: JointLog,
     learned: pd.DataFrame,
     carried: PayloadParameters,
     chosen: DynamicsViewParameters,
-    title: str,
-) -> None:
-    """Record an arm picking up a payload, and what the model learns of it, around the time of pick-up.
+) -> Recording:
+    """An arm picking up a payload, and what the model learns of it, around the time of pick-up.
 
     `learned`: see `rigid_body.payload.follow_payload`.
     """
     dt = float(log.time[1])
     pick_up_s = carried.at_share * (log.time[-1] + dt)
-    near = np.flatnonzero(np.abs(log.time - pick_up_s) <= chosen.payload_s)[:: thinning(dt, chosen.rate_hz)]
+    near = np.flatnonzero(np.abs(log.time - pick_up_s) <= chosen.payload_s)
+    near = near[:: items.thinning(dt, chosen.rate_hz)]
     learned = learned[(learned["time_s"] - pick_up_s).abs() <= chosen.payload_s]
     time, q = log.time[near], log.positions[near]
     body, _ = tool_motion(tree, carried.point_m, q, log.velocities[near])
     held = time >= pick_up_s
-    view = arm_view(title, [arm_contents(ARM), f"/{BODY}"], body)
-    colours = {
+    legend = {
         "the payload, once it is carried": PAYLOAD,
         "true mass of the payload (wide)": REFERENCE,
         "online estimate of the last link (Cov), and its error": LEARNED,
         "error of the model of the empty arm": EMPTY,
     }
-    with recording(path, title) as to:
-        to.show(followed_view(view))
-        send_arm(to, ARM, urdf, tree.names, time, q)
-        to.still(BODY, rr.Points3D.from_fields(colors=rgba(PAYLOAD), radii=RADIUS_M))
-        to.over(BODY, time[held], rr.Points3D.columns(positions=body[held]))
-        really = np.where(held, carried.mass_kg, 0.0)
-        send_followed(to, learned, time, really, (REFERENCE, LEARNED, EMPTY))
-        notes = (
-            f"### {title}\n\nSimulated. After {pick_up_s:g} s the arm picks up {carried.mass_kg:g} kg, "
-            f"which the model is not told.\n\n{legend(colours)}\n\n"
-            "First moment of the mass: x orange, y green, z blue.\n"
-        )
-        to.notes(notes)
+    title = "Dynamics: a payload picked up (simulated)"
+    notes = (
+        f"### {title}\n\nSimulated. After {pick_up_s:g} s the arm picks up {carried.mass_kg:g} kg, "
+        f"which the model is not told.\n\n{views.legend(legend)}\n\n"
+        "First moment of the mass: x orange, y green, z blue.\n"
+    )
+    load = items.moving_point(BODY, time[held], body[held], PAYLOAD, RADIUS_M)
+    arm = arm_scene(title, [*meshes(ARM, urdf, tree.names, time, q), load], body)
+    really = np.where(held, carried.mass_kg, 0.0)
+    return Recording(title, followed(arm, learned, time, really, (REFERENCE, LEARNED, EMPTY), notes))

@@ -4,7 +4,7 @@
     recordings.write(task, folder, left_out)  reads a task's source, and writes what later stages need
     learning.learn(files, folder)             what is learned from it, in `TaskFiles.learned`
     page.sections(files)                      sections of the task's page
-    view.write(files, folder)                 recordings for rerun; `view.NOTHING`: why there are none
+    view.recordings(files)                    for rerun, by name; `view.NOTHING`: why there are none
 
 Movements are learned in several stages instead of one. In an entries file, a kind has its short name, or is
 the dotted name of a package elsewhere, whose defaults are in its `params.yaml`.

@@ -1,14 +1,14 @@
 """Flat diagrams in recordings: axes for curves over quantities other than the time lines."""
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
-import rerun as rr
-import rerun.blueprint as rrb
 
 from structlearn.palette import GREY
-from structlearn.viewer.rrd import Recording, flat_view, rgba
+from structlearn.viewer import views
+from structlearn.viewer.items import Item, lines, texts
+from structlearn.viewer.views import Panel
 
 GRID = "#262b31"  # just visible on the viewer's dark background
 LEFT, RIGHT, ABOVE, BELOW = 2.6, 1.0, 1.6, 2.2  # room around the axes for their numbers and names
@@ -47,10 +47,8 @@ def tick_step(low: float, high: float) -> float:
     return float(next(power * factor for factor in (1.0, 2.0, 5.0, 10.0) if power * factor >= 0.999 * rough))
 
 
-def send_axes(
-    to: Recording, path: str, diagram: Diagram, x_name: str, x_ticks: Sequence[float] | None = None
-) -> None:
-    """Log a diagram's grid with its numbers; the name of y belongs in the view's heading."""
+def axes(path: str, diagram: Diagram, x_name: str, x_ticks: Sequence[float] | None = None) -> list[Item]:
+    """A diagram's grid with its numbers; the name of y belongs in the view's heading."""
     (left, right), (bottom, top) = diagram.x_range, diagram.y_range
     xs = _ticks(left, right) if x_ticks is None else np.asarray(x_ticks, float)
     ys = _ticks(bottom, top)
@@ -58,25 +56,17 @@ def send_axes(
     level = diagram.points(np.array([left, right]), ys[:, None])  # (Y, 2, 2)
     zero = np.isclose(ys, 0.0, atol=1e-9 * (top - bottom))
     colours = [GRID] * len(xs) + [GREY if at_zero else GRID for at_zero in zero]
-    to.lines(path, np.concatenate([upright, level]), colours, -0.6, draw_order=-9.0)
+    grid = lines(path, np.concatenate([upright, level]), colours, -0.6, draw_order=-9.0)
     below = diagram.points(xs, bottom) + np.array([0.0, 0.1])
     beside = diagram.points(left, ys) - np.array([0.45 * LEFT, 0.5])  # labels hang below their points
     name = diagram.points(0.5 * (left + right), bottom) + np.array([0.0, 0.5 * BELOW])
     labels = [*(f"{value:g}" for value in [*xs, *ys]), x_name]
-    to.still(f"{path}/numbers", texts([*below, *beside, name], labels, [GREY]))
+    return [grid, texts(f"{path}/numbers", [*below, *beside, name], labels, GREY)]
 
 
-def texts(
-    places: Sequence[Sequence[float] | np.ndarray], labels: Sequence[str], colours: Sequence[str]
-) -> rr.Points2D:
-    """Labels below N points (2,) of a drawing, with N colours or one for all."""
-    points = np.asarray(places, float).reshape(-1, 2)
-    return rr.Points2D(points, labels=list(labels), colors=rgba(colours), radii=0.0, show_labels=True)
-
-
-def diagram_view(name: str, path: str, diagram: Diagram) -> rrb.Spatial2DView:
-    """View of a diagram and of all entities below a path."""
-    return flat_view(name, path, [-LEFT, diagram.width + RIGHT], [-ABOVE, diagram.height + BELOW])
+def diagram_view(name: str, items: Iterable[Item], diagram: Diagram) -> Panel:
+    """View of what is drawn in a diagram."""
+    return views.flat(name, items, [-LEFT, diagram.width + RIGHT], [-ABOVE, diagram.height + BELOW])
 
 
 def _ticks(low: float, high: float) -> np.ndarray:

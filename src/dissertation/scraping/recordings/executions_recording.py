@@ -9,7 +9,6 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 import pybullet_data
-import rerun.blueprint as rrb
 
 from dissertation.scraping.files import CLOSED_LOOP, CORRECTIONS, REFINED, ScrapingFiles, read_datasets
 from dissertation.scraping.names import CORRECTED, RUNS
@@ -24,20 +23,22 @@ from dissertation.scraping.protocol.feedback_models import POINTWISE
 from dissertation.scraping.recordings.scraping_scene import (
     Execution,
     close_view,
+    electrode_map,
     full_scale,
-    send_electrode_map,
-    send_scene,
-    send_signals,
+    scene,
+    signal_plots,
 )
-from dissertation.scraping.recordings.search_recording import searches, send_search
+from dissertation.scraping.recordings.search_recording import search_tab, searches
 from dissertation.scraping.world.layout import CONTACT_M
 from structlearn.feedback.coupling_dataset import to_table
 from structlearn.palette import primitive_colour
 from structlearn.primitives.primitive_files import read_primitives
 from structlearn.primitives.transformation import ALPHA, BETA
-from structlearn.viewer import rrd
-from structlearn.viewer.arm_meshes import arm_contents, send_arm
-from structlearn.viewer.rrd import Recording, below
+from structlearn.viewer import items, views
+from structlearn.viewer.arms import meshes
+from structlearn.viewer.items import entity
+from structlearn.viewer.recording import Recording
+from structlearn.viewer.views import Panel
 
 FEEDBACK_NOTE = f"""### Scraping with feedback
 
@@ -73,99 +74,83 @@ URDF = Path(pybullet_data.getDataPath()) / "kuka_iiwa" / "model.urdf"
 """The arm with its meshes, in PyBullet's data folder."""
 
 JOINTS = tuple(f"lbr_iiwa_joint_{number}" for number in range(1, 8))  # in order of joint-position columns
-PALE = {RUNS[BEFORE].name: RUNS[AFTER].name}
-"""Runs drawn pale in the scene of another: before refinement in that of after, as in figure IV.21."""
+PALE = (RUNS[BEFORE].name, RUNS[AFTER].name)
+"""A run drawn pale in the scene of another: before refinement in that of after, as in figure IV.21."""
 
 
-def write_executions(
-    path: str | Path,
-    settings: Mapping[float, Sequence[Execution]],
-    title: str = "Executions",
-    refinement: tuple[pd.DataFrame, pd.DataFrame] | None = None,
-) -> None:
-    """Record executions: one tab per setting with its runs in 3-D, electrodes and signals.
+def executions(
+    settings: Mapping[float, Sequence[Execution]], refinement: tuple[pd.DataFrame, pd.DataFrame] | None = None
+) -> Recording:
+    """Executions: one tab per setting with its runs in 3-D, electrodes and signals.
 
     `settings`: executions of different kinds by roll of the board in degrees; the first tab is opened.
     `refinement`: history and samples as for `search_recording.searches`, for a tab per refined primitive.
     """
     every = [one for group in settings.values() for one in group]
     scale = full_scale(every)  # electrode colours are comparable across settings
-    note = FEEDBACK_NOTE if refinement is None else REFINEMENT_NOTE
-    with rrd.recording(path, title) as to:
-        to.notes(_notes(note, next(iter(settings.values()))))
-        tabs = [
-            _send_setting(to, f"{setting:g} degrees", group, scale) for setting, group in settings.items()
-        ]
-        if refinement is not None:
-            origin = rrd.origin_label([one.run for one in every])
-            tabs += [send_search(to, search, origin) for search in searches(*refinement)]
-        speed = None if refinement is None else 1.0
-        to.show(tabs, steps_per_s=speed)
+    notes = _notes(FEEDBACK_NOTE if refinement is None else REFINEMENT_NOTE, next(iter(settings.values())))
+    tabs = [_setting(f"{setting:g} degrees", group, scale, notes) for setting, group in settings.items()]
+    if refinement is not None:
+        origin = views.origin_label([one.run for one in every])
+        tabs += [search_tab(search, origin) for search in searches(*refinement)]
+    kind, speed = ("feedback", None) if refinement is None else ("refinement", 1.0)
+    return Recording(f"Scraping: {kind}", views.tabs(*tabs), steps_per_s=speed)
 
 
-def write_robot(path: str | Path, one: Execution, title: str = "Robot") -> None:
-    """Record an execution with the whole robot.
+def robot(one: Execution) -> Recording:
+    """An execution with the whole robot.
 
     Raises ValueError: the run has no joint positions, or not as many as the arm has joints.
     """
     angles = one.run.joint_positions
     if angles is None or angles.shape[1] != len(JOINTS):
         raise ValueError(f"{one.run.name}: needs the positions of {len(JOINTS)} joints")
-    times = one.run.time[one.kept]
-    scale = full_scale([one])
-    with rrd.recording(path, title) as to:
-        to.notes(_notes(ROBOT_NOTE, [one]))
-        send_arm(to, "arm", URDF, JOINTS, times, angles[one.kept])
-        send_scene(to, "run", one, scale)
-        names = [f"joint {number + 1}" for number in range(len(JOINTS))]
-        colours = [primitive_colour(number) for number in range(len(JOINTS))]
-        moved = np.degrees(angles[one.kept] - angles[0])
-        to.series("joints", times, moved, names, colours)
+    times, scale = one.run.time[one.kept], full_scale([one])
+    hand, numbers = scene("run", one, scale), range(len(JOINTS))
+    names, colours = [f"joint {number + 1}" for number in numbers], [primitive_colour(one) for one in numbers]
+    moved = items.series("joints", times, np.degrees(angles[one.kept] - angles[0]), names, colours)
 
-        # view the arm from the side that the tool turns away from
-        target, offset = np.array([0.57 * CONTACT_M[0], 0.0, 0.4]), 1.3 * np.array([0.45, -0.85, 0.3])
-        heading = f"{title}{rrd.origin_label([one.run])}"
-        details = rrb.Horizontal(
-            close_view(f"board at {one.board_deg:g} degrees", ["/run/**"]),
-            rrb.Vertical(
-                send_electrode_map(to, "electrodes", one, scale), rrd.notes_view(), row_shares=[2, 3]
-            ),
-        )
-        moving = rrd.plot("joints since the start (degrees)", ["/joints"], legend=False)
-        right = rrb.Vertical(*send_signals(to, "signals", [one]), moving)
-        whole = rrd.eye_view(heading, [arm_contents("arm"), "/run/**"], target, offset)
-        to.show(rrb.Horizontal(rrb.Vertical(whole, details), right, column_shares=[4, 3]))
+    # view the arm from the side that the tool turns away from
+    target, offset = np.array([0.57 * CONTACT_M[0], 0.0, 0.4]), 1.3 * np.array([0.45, -0.85, 0.3])
+    arm = meshes("arm", URDF, JOINTS, times, angles[one.kept])
+    title = "Scraping: robot with feedback"
+    whole = views.eye(f"{title}{views.origin_label([one.run])}", [*arm, *hand], target, offset)
+    beside = views.column(electrode_map("electrodes", one, scale), _notes(ROBOT_NOTE, [one]), shares=[2, 3])
+    details = views.row(close_view(f"board at {one.board_deg:g} degrees", hand), beside)
+    moving = views.plot("joints since the start (degrees)", [moved], legend=False)
+    plots = views.column(*signal_plots("signals", [one]), moving)
+    return Recording(title, views.row(views.column(whole, details), plots, shares=[4, 3]))
 
 
-def _notes(text: str, executions: Sequence[Execution]) -> str:
+def _notes(text: str, executions: Sequence[Execution]) -> Panel:
     """Notes panel: contents, origin, colours of the runs, and how to read the rest."""
-    colours = rrd.legend({one.look.name: one.look.colour for one in executions})
-    origin = rrd.origin_sentence([one.run for one in executions])
-    return f"{text}\n{colours}\n\n**{origin}**\n\n{FINGERS}"
+    colours = views.legend(dict(one.look for one in executions))
+    origin = views.origin_sentence([one.run for one in executions])
+    return views.notes(f"{text}\n{colours}\n\n**{origin}**\n\n{FINGERS}")
 
 
-def _send_setting(to: Recording, tab: str, group: Sequence[Execution], scale: float) -> rrb.Horizontal:
-    """Log the executions of one setting; return its tab."""
-    names = [one.look.name for one in group]
-    shadows = {pale: of for pale, of in PALE.items() if {pale, of} <= set(names)}
-    for one in group:
-        send_scene(to, rrd.entity(tab, "runs", one.look.name), one, scale, one.look.name in shadows)
-    scenes = []
-    for name in names:
-        if name not in shadows:
-            shown = [name, *(pale for pale, of in shadows.items() if of == name)]
-            heading = " (pale: ".join(shown) + ")" * (len(shown) - 1)
-            contents = [below(tab, "runs", one) for one in shown]
-            scenes.append(close_view(f"{heading}{rrd.origin_label([group[0].run])}", contents))
-    maps = [send_electrode_map(to, rrd.entity(tab, "electrodes", one.look.name), one, scale) for one in group]
-    left = rrb.Vertical(
-        rrb.Horizontal(*scenes), rrb.Horizontal(*maps), rrd.notes_view(), row_shares=[10, 5, 7]
-    )
+def _setting(tab: str, group: Sequence[Execution], scale: float, notes: Panel) -> Panel:
+    """Tab of the executions of one setting."""
+    names, origin = [one.look.name for one in group], views.origin_label([group[0].run])
+    pale, over = PALE if set(PALE) <= set(names) else ("", "")
+    paths = (entity(tab, "runs", name) for name in names)
+    shown = {
+        one.look.name: scene(path, one, scale, one.look.name == pale)
+        for path, one in zip(paths, group, strict=True)
+    }
+    scenes = [
+        close_view(f"{name} (pale: {pale}){origin}", [*shown[name], *shown[pale]])
+        if name == over
+        else close_view(f"{name}{origin}", shown[name])
+        for name in names
+        if name != pale
+    ]
+    maps = [electrode_map(entity(tab, "electrodes", one.look.name), one, scale) for one in group]
+    left = views.column(views.row(*scenes), views.row(*maps), notes, shares=[10, 5, 7])
     segments = group[0].run.signal("true_segments")  # the same in every setting
-    times = np.append(segments[:, 0], segments[-1, 1])
-    to.lane("primitive", times, group[0].primitives)
-    plots = rrb.Vertical(*send_signals(to, tab, group), rrd.lanes(["primitive"]))
-    return rrb.Horizontal(left, plots, column_shares=[3, 2], name=tab)
+    running = items.lane("primitive", np.append(segments[:, 0], segments[-1, 1]), group[0].primitives)
+    right = views.column(*signal_plots(tab, group), views.lanes([running]))
+    return views.row(left, right, shares=[3, 2], name=tab)
 
 
 NEEDED = ("orientation", "joint_positions", "wrench", "tool_to_board", "true_segments")

@@ -1,17 +1,14 @@
 """Recordings of movements over the level board: demonstrations, their alignment, learned primitives."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
-from functools import partial
-from pathlib import Path
 
 import numpy as np
 import pandas as pd
 import rerun as rr
-import rerun.blueprint as rrb
 
 from dissertation.scraping.names import CUT_METHODS
-from dissertation.scraping.recordings.scraping_scene import SKIN, send_board, send_hand, send_tool
+from dissertation.scraping.recordings.scraping_scene import SKIN, board, hand, tool
 from dissertation.scraping.world.layout import EDGE_M
 from structlearn.core import signals
 from structlearn.palette import GREY, LIGHT_BLUE, OCHRE, WHITE
@@ -20,9 +17,11 @@ from structlearn.readers.demonstration import Demonstration
 from structlearn.segmentation.alignment import RESULT
 from structlearn.segmentation.parameters import AXES, SegmentParameters
 from structlearn.segmentation.segments import Segmentation
-from structlearn.viewer import learned_primitives, recorded_demonstrations, rrd
-from structlearn.viewer.diagram import texts
-from structlearn.viewer.rrd import Recording
+from structlearn.viewer import demonstrations as over_time
+from structlearn.viewer import items, views
+from structlearn.viewer import primitives as unrolled
+from structlearn.viewer.items import Item, entity
+from structlearn.viewer.recording import Recording
 
 DEMONSTRATED = """A person guides the tool down to the level board, turns it and scrapes. Colours show the
 primitives, white is outside of them (dissertation IV.5). The hand is that of {reference}; every
@@ -37,36 +36,32 @@ SUNK_M = 0.002
 """Distance by which the board is drawn too low, since the edge frame sinks into it under pressure."""
 
 
-def write_demonstrations(
-    path: str | Path, demonstrations: Sequence[Demonstration], segmentation: Segmentation, title: str
-) -> None:
-    """Record demonstrations over the board, see `recorded_demonstrations`."""
-    note = DEMONSTRATED.format(reference=segmentation.reference)
-    scenery = partial(_send_scenery, hand=rrd.entity("hands", segmentation.reference))
-    recorded_demonstrations.write_demonstrations(path, demonstrations, segmentation, title, note, scenery)
+def demonstrations(runs: Sequence[Demonstration], segmentation: Segmentation) -> Recording:
+    """Demonstrations over the board, see `viewer.demonstrations`."""
+    note, hand = DEMONSTRATED.format(reference=segmentation.reference), _hand(segmentation.reference)
+    title = "Scraping: demonstrations"
+    return over_time.demonstrations(runs, segmentation, title, note, _level_board(), hand)
 
 
-def write_primitives(
-    path: str | Path,
-    demonstrations: Sequence[Demonstration],
-    primitives: Sequence[PosePrimitive],
+def primitives(
+    runs: Sequence[Demonstration],
+    learned: Sequence[PosePrimitive],
     paths: Mapping[str, pd.DataFrame],
-    title: str,
-) -> None:
-    """Record learned primitives over the board, see `learned_primitives`."""
-    scenery = partial(_send_scenery, hand=rrd.entity("hands", next(iter(paths))))
-    learned_primitives.write_primitives(path, demonstrations, primitives, paths, title, LEARNED, scenery)
+) -> Recording:
+    """Learned primitives over the board, see `viewer.primitives`."""
+    around = [*_level_board(), *_hand(next(iter(paths)))]
+    return unrolled.primitives(runs, learned, paths, "Scraping: primitives", LEARNED, around)
 
 
-def _send_scenery(to: Recording, hand: str) -> list[str]:
-    """Log the level board, and a hand with the tool below the entity of its moving frame; see `Scenery`."""
-    to.still("scenery", rr.Transform3D(translation=[0.0, 0.0, -SUNK_M]))
-    send_board(to, "scenery/board")
-    send_hand(to, hand)
-    grasp = rr.Transform3D(translation=[0.0, 0.0, -EDGE_M])  # unloaded
-    to.still(f"{hand}/tool", grasp)
-    send_tool(to, f"{hand}/tool", SKIN)
-    return ["/scenery/**"]
+def _level_board() -> list[Item]:
+    return [Item("scenery", [rr.Transform3D(translation=[0.0, 0.0, -SUNK_M])]), board("scenery/board")]
+
+
+def _hand(name: str) -> list[Item]:
+    """A hand with the tool below the entity of its moving frame."""
+    path = entity("hands", name)
+    grasp = Item(f"{path}/tool", [rr.Transform3D(translation=[0.0, 0.0, -EDGE_M])])  # unloaded
+    return [*hand(path), grasp, *tool(f"{path}/tool", SKIN)]
 
 
 NOTE = """### Where the demonstrations correspond
@@ -111,42 +106,31 @@ class _Curve:
         return np.column_stack([x, np.interp(times, self.time, self.height)])
 
 
-def write_alignment(
-    path: str | Path,
-    demonstrations: Sequence[Demonstration],
-    segmentation: Segmentation,
-    parameters: SegmentParameters,
-    title: str = "Alignment",
-) -> None:
-    """Record the correspondences of the reference with all other demonstrations, see `NOTE`."""
-    by_name = {demonstration.name: demonstration for demonstration in demonstrations}
-    pairs = segmentation.pairs
+def alignment(
+    runs: Sequence[Demonstration], segmentation: Segmentation, parameters: SegmentParameters
+) -> Recording:
+    """Correspondences of the reference with all other demonstrations, see `NOTE`."""
+    by_name, pairs = {run.name: run for run in runs}, segmentation.pairs
     aligned = set(pairs["demonstration"]) & set(segmentation.cuts["demonstration"])
     guesses = [name for name in by_name if name in aligned]
-    views = []
-    with rrd.recording(path, title) as to:
-        to.notes(f"{NOTE}\n**{rrd.origin_sentence(demonstrations)}**")
-        for one in parameters.primitives:
-            if one.axis == "between":
-                continue
-            zvc = segmentation.result(one.name, "zvc")
-            scale = WIDTH / (float((zvc["end_s"] - zvc["start_s"]).max()) + 2.0 * parameters.extension_s)
-            reference, *others = [
-                _curve(by_name[name], zvc.loc[name], one.axis, parameters, top, scale)
-                for name, top in [(segmentation.reference, 0.0), *((name, HEIGHT + GAP) for name in guesses)]
-            ]
-            to.reset_time()
-            _send_curve(to, one.name, reference, segmentation, is_reference=True)
-            for number, curve in enumerate(others, start=1):
-                to.set_time(DEMONSTRATION, sequence=number)
-                _send_curve(to, one.name, curve, segmentation)
-                own = (pairs["demonstration"] == curve.name) & (pairs["primitive"] == one.name)
-                _send_pairs(to, one.name, reference, curve, pairs[own])
-            bounds = ([-LEFT, WIDTH], [-MARGIN, 2 * HEIGHT + GAP + MARGIN])
-            heading = f"{one.name}: position along {one.axis}{rrd.origin_label(demonstrations)}"
-            views.append(rrd.flat_view(heading, rrd.entity(one.name), *bounds))
-        shown = rrb.Horizontal(rrb.Vertical(*views), rrd.notes_view(), column_shares=[5, 1])
-        to.show(shown, DEMONSTRATION, steps_per_s=1.0)
+    drawings = []
+    for primitive, axis in ((one.name, one.axis) for one in parameters.primitives if one.axis != "between"):
+        zvc = segmentation.result(primitive, "zvc")
+        scale = WIDTH / (float((zvc["end_s"] - zvc["start_s"]).max()) + 2.0 * parameters.extension_s)
+        reference, *others = [
+            _curve(by_name[name], zvc.loc[name], axis, parameters, top, scale)
+            for name, top in [(segmentation.reference, 0.0), *((name, HEIGHT + GAP) for name in guesses)]
+        ]
+        shown = [*_drawn(primitive, reference, segmentation)]
+        for step, curve in enumerate(others, start=1):
+            shown += _drawn(primitive, curve, segmentation, step)
+            own = (pairs["demonstration"] == curve.name) & (pairs["primitive"] == primitive)
+            shown += _pairs(primitive, reference, curve, pairs[own], step)
+        heading = f"{primitive}: position along {axis}{views.origin_label(runs)}"
+        drawings.append(views.flat(heading, shown, [-LEFT, WIDTH], [-MARGIN, 2 * HEIGHT + GAP + MARGIN]))
+    notes = views.notes(f"{NOTE}\n**{views.origin_sentence(runs)}**")
+    content = views.row(views.column(*drawings), notes, shares=[5, 1])
+    return Recording("Scraping: alignment", content, DEMONSTRATION, steps_per_s=1.0)
 
 
 def _curve(
@@ -167,48 +151,41 @@ def _curve(
     return _Curve(demonstration.name, demonstration.time[inside], top + HEIGHT * share, top, scale)
 
 
-def _send_curve(
-    to: Recording, primitive: str, curve: _Curve, segmentation: Segmentation, is_reference: bool = False
-) -> None:
-    """Log a curve with its name, its time scale, and bars at its start and end.
+def _drawn(primitive: str, curve: _Curve, segmentation: Segmentation, step: int = 0) -> Iterator[Item]:
+    """A curve with its name, its time scale, and bars at its start and end; `step`: 0 for the reference.
 
     Bars above mark cuts by crossings alone, bars below the cuts used; for the reference these are the same.
     """
-    path = rrd.entity(primitive, "reference" if is_reference else "guess")
-    thinned = curve.time[:: rrd.thinning(float(curve.time[1] - curve.time[0]))]
-    line = rr.LineStrips2D([curve.points(thinned)], colors=rrd.rgba(WHITE), radii=-1.5)
-    to.log(f"{path}/curve", line, static=is_reference)
+    path, at = entity(primitive, "guess" if step else "reference"), {DEMONSTRATION: step} if step else None
+    thinned = curve.time[:: items.thinning(float(curve.time[1] - curve.time[0]))]
+    yield items.lines(f"{path}/curve", [curve.points(thinned)], WHITE, -1.5, at=at)
 
-    outside = -3 * BAR if is_reference else HEIGHT + 2 * BAR  # beyond the space between the curves
+    outside = HEIGHT + 2 * BAR if step else -3 * BAR  # beyond the space between the curves
     seconds = np.arange(np.ceil(2 * curve.time[0]), 2 * curve.time[-1]) / 2
     ticks = np.column_stack([curve.points(seconds)[:, 0], np.full(len(seconds), curve.top + outside)])
     places = [*ticks, [-0.5 * LEFT, curve.top + 0.4 * HEIGHT]]
-    name = f"{'reference' if is_reference else 'demonstration'} {curve.name}"
-    labels = texts(places, [*(f"{second:g} s" for second in seconds), name], [GREY])
-    to.log(f"{path}/scale", labels, static=is_reference)
+    name = f"{'demonstration' if step else 'reference'} {curve.name}"
+    yield items.texts(f"{path}/scale", places, [*(f"{second:g} s" for second in seconds), name], GREY, at=at)
 
-    tips = {"zvc": -BAR} if is_reference else {"zvc": -BAR, RESULT: BAR}
+    tips = {"zvc": -BAR, RESULT: BAR} if step else {"zvc": -BAR}
     for method, tip in tips.items():
         cut, look = segmentation.result(primitive, method).loc[curve.name], CUT_METHODS[method]
         ends = curve.points(np.array([cut["start_s"], cut["end_s"]], dtype=float))
         bars = ends[:, None, :] + np.array([[0.0, 0.0], [0.0, tip]])
-        strips = rr.LineStrips2D(bars, colors=rrd.rgba(look.colour), radii=-2.0)
-        to.log(f"{path}/{method}", strips, static=is_reference)
+        yield items.lines(f"{path}/{method}", bars, look.colour, -2.0, at=at)
         label_at = ends + np.array([0.0, tip if tip > 0 else 2 * tip])  # labels hang below their points
-        labels = texts(label_at, [look.name] * 2, [look.colour])
-        to.log(f"{path}/{method}/name", labels, static=is_reference)
+        yield items.texts(f"{path}/{method}/name", label_at, [look.name] * 2, look.colour, at=at)
 
 
-def _send_pairs(to: Recording, primitive: str, reference: _Curve, guess: _Curve, pairs: pd.DataFrame) -> None:
-    """Log corresponding samples as lines between the curves."""
+def _pairs(
+    primitive: str, reference: _Curve, guess: _Curve, pairs: pd.DataFrame, step: int
+) -> Iterator[Item]:
+    """Corresponding samples as lines between the curves."""
     times, weights = pairs[["reference_s", "guess_s"]].to_numpy(), pairs["weight"].to_numpy()
     lines = np.stack([reference.points(times[:, 0]), guess.points(times[:, 1])], axis=1)  # (K, 2, 2)
     shown = np.unique(np.linspace(0, len(lines) - 1, SHOWN_PAIRS).astype(int))
     bold = np.argsort(weights)[::-1][:HIGHLIGHTED]
     share = weights[shown] ** 3  # most weights are close to 1, where differences should be visible
-    thin = rr.LineStrips2D(
-        lines[shown], colors=rrd.blended(share, (DROPPED, LIGHT_BLUE)), radii=-0.7, draw_order=-2.0
-    )
-    to.log(rrd.entity(primitive, "pairs"), thin)
-    thick = rr.LineStrips2D(lines[bold], colors=rrd.rgba(OCHRE), radii=-1.5, draw_order=-1.0)
-    to.log(rrd.entity(primitive, "best pairs"), thick)
+    colours, at = items.blended(share, (DROPPED, LIGHT_BLUE)), {DEMONSTRATION: step}
+    yield items.lines(entity(primitive, "pairs"), lines[shown], colours, -0.7, draw_order=-2.0, at=at)
+    yield items.lines(entity(primitive, "best pairs"), lines[bold], OCHRE, -1.5, draw_order=-1.0, at=at)

@@ -4,18 +4,19 @@ Each step of the time line is an iteration. Its network is the one before the ne
 any); the policies of an iteration are drawn around what the previous iteration's network did.
 """
 
+from collections.abc import Iterator
 from dataclasses import dataclass
 
 import numpy as np
 import pandas as pd
-import rerun as rr
-import rerun.blueprint as rrb
 
 from dissertation.scraping.names import ROLLOUTS
 from structlearn.palette import ORANGE, WHITE
 from structlearn.policy_search.refinement import FEEDBACK, IMPROVED, SAMPLE
-from structlearn.viewer.diagram import Diagram, diagram_view, rounded_range, send_axes, texts
-from structlearn.viewer.rrd import TIME, Recording, blended, entity, rgba, thinning
+from structlearn.viewer import views
+from structlearn.viewer.diagram import Diagram, axes, diagram_view, rounded_range
+from structlearn.viewer.items import TIME, Item, blended, dots, entity, lines, texts, thinning
+from structlearn.viewer.views import Panel
 
 ITERATION, ITERATION_S = "iteration", 1.0
 """Time line with one step per iteration, and a step's length on the time line of seconds."""
@@ -90,40 +91,36 @@ def searches(history: pd.DataFrame, samples: pd.DataFrame) -> list[Search]:
     ]
 
 
-def send_search(to: Recording, search: Search, origin: str) -> rrb.Horizontal:
-    """Log a search on the time lines of iterations and seconds; `origin`: of `rrd.origin_label`."""
-    costs = search.history["cost_rad"].dropna().to_numpy()
-    ends = (search.iterations[0] - 0.6, search.iterations[-1] + 0.6)
-    summed = Diagram(ends, rounded_range(costs, 0.0), 20.0, 25.0)
-    send_axes(to, search.path("costs", "axes"), summed, "iteration", search.iterations)
-    _send_all_costs(to, search, summed)
-    curves = {}
-    for column, height in HEIGHTS.items():
-        values = rounded_range(search.samples[column].to_numpy(), 0.0 if column == "cost_rad" else None)
-        curves[column] = Diagram((0.0, float(search.samples["time_s"].max())), values, WIDTH, height)
-        send_axes(to, search.path(column, "axes"), curves[column], "time (s)")
-    places = [np.array([(0.5 + place) * WIDTH / len(LEGEND), -1.5]) for place in range(len(LEGEND))]
-    to.still(search.path("target", "legend"), texts(places, list(LEGEND), list(LEGEND.values())))
-    for iteration in search.iterations:
-        to.set_time(ITERATION, sequence=iteration)
-        to.set_time(TIME, duration=ITERATION_S * iteration)
-        _send_costs(to, search, summed, iteration)
-        for column, diagram in curves.items():
-            _send_curves(to, search, column, diagram, iteration)
-    to.reset_time()
-
+def search_tab(search: Search, origin: str) -> Panel:
+    """Tab of a search on the time lines of iterations and seconds; `origin`: of `views.origin_label`."""
     headings = {
         "target": f"coupling term of every rollout (rad){origin}; step on the time line '{ITERATION}'",
         "cost_rad": f"cost of every rollout: tool off its nominal orientation (rad){origin}",
     }
-    views = [
-        diagram_view(f"{search.primitive}: {headings[column]}", search.path(column), diagram)
-        for column, diagram in curves.items()
-    ]
-    heading = f"accumulated cost of every rollout (rad; numbers: means){origin}"
-    beside = diagram_view(heading, search.path("costs"), summed)
-    left, name = rrb.Vertical(*views, row_shares=[3, 2]), f"search: {search.primitive}"
-    return rrb.Horizontal(left, beside, column_shares=[3, 2], name=name)
+    curves = []
+    for name, height in HEIGHTS.items():
+        values = rounded_range(search.samples[name].to_numpy(), 0.0 if name == "cost_rad" else None)
+        diagram = Diagram((0.0, float(search.samples["time_s"].max())), values, WIDTH, height)
+        shown = axes(search.path(name, "axes"), diagram, "time (s)")
+        if name == "target":
+            places = [[(0.5 + place) * WIDTH / len(LEGEND), -1.5] for place in range(len(LEGEND))]
+            shown.append(texts(search.path(name, "legend"), places, list(LEGEND), list(LEGEND.values())))
+        for iteration in search.iterations:
+            shown += _curves(search, name, diagram, iteration)
+        curves.append(diagram_view(f"{search.primitive}: {headings[name]}", shown, diagram))
+    ends = (search.iterations[0] - 0.6, search.iterations[-1] + 0.6)
+    summed = Diagram(ends, rounded_range(search.history["cost_rad"].dropna().to_numpy(), 0.0), 20.0, 25.0)
+    shown = axes(search.path("costs", "axes"), summed, "iteration", search.iterations)
+    shown += [*_all_costs(search, summed)]
+    for iteration in search.iterations:
+        shown += _costs(search, summed, iteration)
+    costs = diagram_view(f"accumulated cost of every rollout (rad; numbers: means){origin}", shown, summed)
+    name = f"search: {search.primitive}"
+    return views.row(views.column(*curves, shares=[3, 2]), costs, shares=[3, 2], name=name)
+
+
+def _at(iteration: int) -> dict[str, float]:
+    return {ITERATION: int(iteration), TIME: float(ITERATION_S * iteration)}
 
 
 def cost_colours(costs: np.ndarray, cost_range: tuple[float, float]) -> np.ndarray:
@@ -132,21 +129,20 @@ def cost_colours(costs: np.ndarray, cost_range: tuple[float, float]) -> np.ndarr
     return blended((costs - low) / max(high - low, np.finfo(float).tiny), (CHEAP, COSTLY))
 
 
-def _send_curves(to: Recording, search: Search, column: str, diagram: Diagram, iteration: int) -> None:
-    """Log the drawn policies and, thick, the improved one, the network, and pale the network before."""
-    tried = search.rows(iteration, SAMPLE).sort_values("cost_rad", ascending=False)  # the cheapest on top
-    if len(tried):
+def _curves(search: Search, column: str, diagram: Diagram, iteration: int) -> Iterator[Item]:
+    """The drawn policies and, thick, the improved one, the network, and pale the network before."""
+    tried, at = search.rows(iteration, SAMPLE).sort_values("cost_rad", ascending=False), _at(iteration)
+    if len(tried):  # the cheapest on top
         strips = _strips(search.curves(iteration, SAMPLE, column)[tried["number"]], diagram)
         colours = cost_colours(tried["cost_rad"].to_numpy(), search.cost_range)
-        to.log(search.path(column, SAMPLE), rr.LineStrips2D(strips, colors=colours, radii=-0.8))
+        yield lines(search.path(column, SAMPLE), strips, colours, -0.8, at=at)
     before, now = (iteration - 1, FEEDBACK, 0.5), (iteration, FEEDBACK, 1.0)
     means = {"network before": before, IMPROVED: (iteration, IMPROVED, 1.0), FEEDBACK: now}
     for order, (name, (of, kind, opacity)) in enumerate(means.items(), start=1):
         if len(search.rows(of, kind)):
             strips = _strips(search.curves(of, kind, column).mean(axis=1).to_frame(), diagram)
-            colour = rgba([ROLLOUTS[kind].colour], opacity)
-            line = rr.LineStrips2D(strips, colors=colour, radii=-1.6, draw_order=ON_TOP + order)
-            to.log(search.path(column, name), line)
+            look = {"opacity": opacity, "draw_order": ON_TOP + order}
+            yield lines(search.path(column, name), strips, ROLLOUTS[kind].colour, -1.6, at=at, **look)
 
 
 def _strips(curves: pd.DataFrame, diagram: Diagram) -> list[np.ndarray]:
@@ -164,32 +160,32 @@ def _cost_points(search: Search, diagram: Diagram, iteration: int, kind: str) ->
     return diagram.points(iteration + middle + half_width * across, costs)
 
 
-def _send_all_costs(to: Recording, search: Search, diagram: Diagram) -> None:
-    """Log all rollouts pale, and the mean of the network over iterations."""
+def _all_costs(search: Search, diagram: Diagram) -> Iterator[Item]:
+    """All rollouts pale, and the mean of the network over iterations."""
     for kind, look in ROLLOUTS.items():
-        points = [_cost_points(search, diagram, iteration, kind) for iteration in search.iterations]
-        colour = rgba(look.colour, PALE)
-        to.dots(search.path("costs", "all", kind), np.concatenate(points), colour, -2.5, draw_order=-3.0)
+        points = np.concatenate([_cost_points(search, diagram, one, kind) for one in search.iterations])
+        yield dots(search.path("costs", "all", kind), points, look.colour, -2.5, PALE, draw_order=-3.0)
     means = [search.rows(iteration, FEEDBACK)["cost_rad"].mean() for iteration in search.iterations]
     line = diagram.points(np.array(search.iterations) + PLACES[FEEDBACK][0], np.array(means))
-    colour = rgba([ROLLOUTS[FEEDBACK].colour], 2 * PALE)
-    to.lines(search.path("costs", "network mean"), [line], colour, -1.0, draw_order=-2.0)
+    colour = ROLLOUTS[FEEDBACK].colour
+    yield lines(search.path("costs", "network mean"), [line], colour, -1.0, 2 * PALE, draw_order=-2.0)
 
 
-def _send_costs(to: Recording, search: Search, diagram: Diagram, iteration: int) -> None:
-    """Log the rollouts of this iteration with the mean of each kind, and the number of failures."""
+def _costs(search: Search, diagram: Diagram, iteration: int) -> Iterator[Item]:
+    """The rollouts of this iteration with the mean of each kind, and the number of failures."""
+    at = _at(iteration)
     for kind, look in ROLLOUTS.items():
         costs = search.rows(iteration, kind)["cost_rad"].to_numpy()
         if len(costs):
-            colours = cost_colours(costs, search.cost_range) if kind == SAMPLE else rgba(look.colour)
-            dots = rr.Points2D(_cost_points(search, diagram, iteration, kind), colors=colours, radii=-3.5)
-            to.log(search.path("costs", kind), dots)
+            colours = cost_colours(costs, search.cost_range) if kind == SAMPLE else look.colour
+            points = _cost_points(search, diagram, iteration, kind)
+            yield dots(search.path("costs", kind), points, colours, -3.5, at=at)
             place = diagram.points(iteration + PLACES[kind][0], costs.mean()) + LABELS[kind]
-            mean = texts([place], [f"{costs.mean():.1f}"], [look.colour])
-            to.log(search.path("costs", kind, "mean"), mean)
+            mean = [f"{costs.mean():.1f}"]
+            yield texts(search.path("costs", kind, "mean"), place, mean, look.colour, at=at)
     failed = search.history["cost_rad"].isna()
     if failed.any():
         now = int(failed[search.history["iteration"] == iteration].sum())
         place = diagram.points(iteration, diagram.y_range[1])
-        label = texts([place] * (now > 0), [f"{now} failed"] * (now > 0), [ORANGE])
-        to.log(search.path("costs", "failed"), label)
+        label = [f"{now} failed"] * (now > 0)
+        yield texts(search.path("costs", "failed"), [place] * (now > 0), label, ORANGE, at=at)

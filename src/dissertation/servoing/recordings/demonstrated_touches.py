@@ -1,14 +1,12 @@
 """Recordings of demonstrated touches (II.4.1.1), and of the latent map beside the skin (figure II.3)."""
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
-from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pandas as pd
 import rerun as rr
-import rerun.blueprint as rrb
 
 from dissertation.servoing.names import ESTIMATED, LATENT, TRUE, electrode_colours
 from dissertation.servoing.recordings import servoing_scene as scene
@@ -17,9 +15,10 @@ from structlearn.core.errors import InputError
 from structlearn.readers.demonstration import Demonstration
 from structlearn.tactile.electrodes import Skin
 from structlearn.tactile.touch_dataset import TouchDataset
-from structlearn.viewer.rrd import Recording, below, colour_words, entity, origin_label, recording, rgba
+from structlearn.viewer import items, views
+from structlearn.viewer.items import Item, entity, series
+from structlearn.viewer.recording import Recording
 
-TITLE, MAP_TITLE = "Touch: demonstrations", "Touch: latent map"
 EVERY = 10  # samples per point of a path
 POINT_MM, SAMPLE_OPACITY = 0.12, 0.5  # radius and opacity of a sample on a flat picture
 PATH = "#ffffff"  # colour of paths over coloured samples
@@ -102,20 +101,32 @@ def shown_touches(
     return found
 
 
-def write_touch_demonstrations(
-    path: str | Path, shown: Sequence[ShownTouch], skin: Skin, handle_radius: float
-) -> None:
-    """Record demonstrations of touch, one tab each; `handle_radius` in m."""
-    origin = origin_label([one.demonstration for one in shown])
+def demonstrations(shown: Sequence[ShownTouch], skin: Skin, handle_radius: float) -> Recording:
+    """Demonstrations of touch, one tab each; `handle_radius` in m."""
     scale = scene.full_scale([one.motion.signals for one in shown])
-    with recording(path, TITLE) as to:
-        to.show([_tab(one, skin, origin) for one in shown])
-        for one in shown:
-            scene.send_touch(to, entity(one.name), skin, one.motion, one.contacts, scale)
-            centre, axis = handle_place(one, skin, handle_radius)
-            scene.send_handle(to, entity(one.name, "handle"), centre, axis, handle_radius)
-            _send_curves(to, one, skin)
-            to.notes(_notes(origin, one, scale), one.name)
+    title, tabs = "Touch: demonstrations", []
+    for one in shown:
+        name, origin = one.name, views.origin_label([other.demonstration for other in shown])
+        finger, drawn = scene.touch(entity(name), skin, one.motion, one.contacts, scale)
+        handle = scene.handle(entity(name, "handle"), *handle_place(one, skin, handle_radius), handle_radius)
+        middle = np.median(one.motion.position[one.rows], axis=0)
+        view = scene.close_view(f"finger on the handle{origin}", [*finger, handle], middle, _finger_x(one))
+        flat = scene.map_view("skin, flat (mm)", drawn, skin)
+        plots = views.plots(_curves(one, skin))
+        colours = {
+            f"counts fell, full colour at {scale:.0f} counts: pressed": "orange electrodes",
+            "counts rose: the fluid bulges": "light blue electrodes",
+            "estimated contact": "orange point",
+        }
+        if len(one.truth):
+            colours["true contact"] = "green point"
+        notes = (
+            f"# {title}\n\n{name}{origin}: {len(np.unique(one.contact))} contacts, from touching to "
+            f"lifting.\n\n{views.legend(colours)}\n\nThe pose of the handle is not recorded; it is drawn "
+            "where the contacts put it. In flat pictures the tip of the finger is to the right.\n"
+        )
+        tabs.append(scene.tab(name, [views.column(view, flat, shares=[3, 2])], plots, notes))
+    return Recording(title, views.tabs(*tabs))
 
 
 def handle_place(one: ShownTouch, skin: Skin, handle_radius: float) -> tuple[np.ndarray, np.ndarray]:
@@ -135,114 +146,81 @@ def _finger_x(one: ShownTouch) -> np.ndarray:
     return quaternion.rotate(one.motion.orientation, np.array([1.0, 0.0, 0.0])).mean(axis=0)
 
 
-def _send_curves(to: Recording, one: ShownTouch, skin: Skin) -> None:
+def _curves(one: ShownTouch, skin: Skin) -> dict[str, list[Item]]:
     """Pressure, load and surface coordinates of the contact; lines are interrupted where contact is."""
     pressure = -one.motion.signals.mean(axis=1)
-    to.series(entity(one.name, "pressure", "raw"), one.motion.time, pressure, "pressure", ESTIMATED)
+    raw = series(entity(one.name, "pressure", "raw"), one.motion.time, pressure, "pressure", ESTIMATED)
+    curves = {"pressure: mean fall of the counts": [raw]}
     if len(one.truth):
         time, load = (one.truth[name].to_numpy(float) for name in ("time_s", "load_n"))
-        to.series(entity(one.name, "load", "true"), time, load, "load", TRUE)
-    for contact in one.contacts:
-        places = np.full((2, len(contact.time)), np.nan)
-        places[:, contact.touching] = 1e3 * np.stack(skin.coordinates(contact.point[contact.touching]))
-        for axis, values in zip(("along", "across"), places, strict=True):
-            place = entity(one.name, axis, contact.name)
-            to.series(place, contact.time, values, contact.name, contact.colour)
+        curves["true load (N)"] = [series(entity(one.name, "load", "true"), time, load, "load", TRUE)]
+    for axis in ("along", "across"):
+        its = curves.setdefault(f"contact {axis} the finger (mm)", [])
+        for contact in one.contacts:
+            places, coordinates = np.full(len(contact.time), np.nan), contact.point[contact.touching]
+            places[contact.touching] = 1e3 * skin.coordinates(coordinates)[axis == "across"]
+            path = entity(one.name, axis, contact.name)
+            its.append(series(path, contact.time, places, contact.name, contact.colour))
+    return curves
 
 
-def _tab(one: ShownTouch, skin: Skin, origin: str) -> rrb.Horizontal:
-    name, plots = one.name, {"pressure": "pressure: mean fall of the counts"}
-    if len(one.truth):
-        plots["load"] = "true load (N)"
-    plots |= {axis: f"contact {axis} the finger (mm)" for axis in ("along", "across")}
-    views = rrb.Vertical(
-        scene.close_view(
-            f"finger on the handle{origin}",
-            [below(name, "finger"), entity(name, "handle")],
-            np.median(one.motion.position[one.rows], axis=0),
-            _finger_x(one),
-        ),
-        scene.map_view("skin, flat (mm)", [entity(name, "skin")], skin),
-        row_shares=[3, 2],
-    )
-    return scene.tab(name, [views], plots, legends=True)
-
-
-def _notes(origin: str, one: ShownTouch, scale: float) -> str:
-    colours = {"orange electrodes": f"counts fell, full colour at {scale:.0f} counts: pressed"}
-    colours |= {"light blue electrodes": "counts rose: the fluid bulges", "orange point": "estimated contact"}
-    if len(one.truth):
-        colours |= {"green point": "true contact"}
-    return (
-        f"# {TITLE}\n\n{one.name}{origin}: {len(np.unique(one.contact))} contacts, from touching to "
-        f"lifting.\n\n{colour_words(colours)}\n\nThe pose of the handle is not recorded; it is drawn where "
-        "the contacts put it. In flat pictures the tip of the finger is to the right.\n"
-    )
-
-
-def write_latent_maps(
-    path: str | Path,
+def latent_maps(
     shown: Sequence[ShownTouch],
     flat_skin: scene.FlatSkin,
     latent_map: pd.DataFrame,
     contact_points: np.ndarray,
     count: int,
-) -> None:
-    """Record the latent map with contact paths on it, one tab for each demonstration.
+) -> Recording:
+    """The latent map with contact paths on it, one tab for each demonstration.
 
     `latent_map` and `contact_points` (N, 3) m belong to the same samples, of which `count` are drawn.
     """
-    origin = origin_label([one.demonstration for one in shown])
+    title, origin = "Touch: latent map", views.origin_label([one.demonstration for one in shown])
     places = {"map": flat_skin.latent(latent_map[["x", "y"]].to_numpy(float))}
     places["skin"] = flat_skin.places(contact_points.astype(float))
     electrode = latent_map["electrode"].to_numpy()
     kept = np.linspace(0, len(electrode) - 1, min(count, len(electrode))).astype(int)
     every = electrode_colours(len(flat_skin.skin.electrodes))
-    colours = rgba(every, SAMPLE_OPACITY)[electrode[kept] - 1]
-    found = np.unique(electrode)
+    colours = items.rgba(every, SAMPLE_OPACITY)[electrode[kept] - 1]
+    found, samples = np.unique(electrode), dict[str, list[Item]]()
     labels: dict[str, Any] = {"labels": [str(number) for number in found], "radii": 0.0, "show_labels": True}
-    with recording(path, MAP_TITLE) as to:
-        tabs = [_map_tab(one, flat_skin.skin, origin) for one in shown]
-        to.show(tabs)
-        for name, drawn in places.items():
-            to.dots(entity("samples", name), drawn[kept], colours, POINT_MM)
-            middle = [np.median(drawn[electrode == number], axis=0) for number in found]
-            to.still(entity("electrodes", name), rr.Points2D(middle, **labels))
-        for one in shown:
-            _send_paths(to, one, flat_skin)
-            to.notes(_map_notes(origin, one), one.name)
+    for part, drawn in places.items():
+        middle = [np.median(drawn[electrode == number], axis=0) for number in found]
+        names = Item(entity("electrodes", part), [rr.Points2D(middle, **labels)])
+        samples[part] = [items.dots(entity("samples", part), drawn[kept], colours, POINT_MM), names]
+    tabs = []
+    for one in shown:
+        curves: dict[str, list[Item]] = {part: [] for part in (*places, *PLOTS)}
+        for part, item in _contact_paths(one, flat_skin):
+            curves[part].append(item)
+        maps = [
+            scene.map_view(heading, [*samples[part], *curves[part]], flat_skin.skin)
+            for part, heading in (("map", f"latent map (mm){origin}"), ("skin", "contact on the skin (mm)"))
+        ]
+        plots = [views.plot(heading, curves[part], legend=False) for part, heading in PLOTS.items()]
+        notes = (
+            f"# {title}\n\nAll samples of touch by the electrode whose reading fell most{origin}; numbers "
+            "are of electrodes. Above, where the encoder of the first seed puts them; the map is turned and "
+            f"mirrored onto the skin. Below, where the skin is touched, by estimate.\n\nPaths: {one.name}, a "
+            "path for each contact.\n"
+        )
+        tabs.append(scene.tab(one.name, [views.column(*maps)], plots, notes))
+    return Recording(title, views.tabs(*tabs))
 
 
-def _send_paths(to: Recording, one: ShownTouch, flat_skin: scene.FlatSkin) -> None:
-    """A path for each contact, and its pressure in the latent state and in counts."""
+def _contact_paths(one: ShownTouch, flat_skin: scene.FlatSkin) -> Iterator[tuple[str, Item]]:
+    """A path for each contact, and its pressure in the latent state and in counts, by map or plot."""
     for number in np.unique(one.contact):
         rows = np.flatnonzero(one.contact == number)[::EVERY]
         time = one.motion.time[one.rows[rows]]
-        places = {
-            "map": flat_skin.latent(one.latent[rows]),
-            "skin": flat_skin.places(one.contact_point[rows]),
-        }
         curves = [("latent", "latent", one.latent[rows, 2], LATENT)]
         curves.append(("pressure", "counts", one.pressure[rows], ESTIMATED))
-        for (part, drawn), colour in zip(places.items(), (LATENT, ESTIMATED), strict=True):
-            scene.send_map_path(to, entity(one.name, part, str(number)), time, drawn, PATH)
+        for part, drawn, colour in (
+            ("map", flat_skin.latent(one.latent[rows]), LATENT),
+            ("skin", flat_skin.places(one.contact_point[rows]), ESTIMATED),
+        ):
+            path = scene.map_path(entity(one.name, part, str(number)), time, drawn, PATH)
+            yield from ((part, item) for item in path)
             curves += [("along", part, drawn[:, 0], colour), ("across", part, -drawn[:, 1], colour)]
         for group, label, values, colour in curves:
-            to.series(entity(one.name, group, label, str(number)), time, values, label, colour)
-
-
-def _map_tab(one: ShownTouch, skin: Skin, origin: str) -> rrb.Horizontal:
-    maps = [
-        scene.map_view(heading, [entity(above, part) for above in ("samples", "electrodes", one.name)], skin)
-        for part, heading in (("map", f"latent map (mm){origin}"), ("skin", "contact on the skin (mm)"))
-    ]
-    return scene.tab(one.name, [rrb.Vertical(*maps)], PLOTS)
-
-
-def _map_notes(origin: str, one: ShownTouch) -> str:
-    return (
-        f"# {MAP_TITLE}\n\nAll samples of touch by the electrode whose reading fell most{origin}; numbers "
-        "are of electrodes. Above, where the encoder of the first seed puts them; the map is turned and "
-        f"mirrored onto the skin. Below, where the skin is touched, by estimate.\n\nPaths: {one.name}, a "
-        "path for each contact.\n"
-    )
+            yield group, series(entity(one.name, group, label, str(number)), time, values, label, colour)

@@ -2,11 +2,9 @@
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from pathlib import Path
 
 import numpy as np
 import pandas as pd
-import rerun.blueprint as rrb
 
 from dissertation.servoing.names import AS_PUBLISHED, FORM_COLOURS, FORM_NAMES, LATENT, OURS, TRUE
 from dissertation.servoing.protocol.servo_variants import Variant
@@ -15,19 +13,16 @@ from dissertation.simulation.touch import Handle
 from structlearn.core import quaternion
 from structlearn.core.metrics import matching
 from structlearn.palette import GREY
-from structlearn.tactile.electrodes import Skin
-from structlearn.viewer.rrd import Recording, colour_words, entity, recording
+from structlearn.viewer import items, views
+from structlearn.viewer.items import Item, entity, series
+from structlearn.viewer.recording import Recording
 
 TITLE = "Touch: closed loops"
 
 SHOWN = {FORM_NAMES[variant.form]: variant for variant in (AS_PUBLISHED, OURS)}
 """Controllers shown side by side."""
 
-PLOTS = {
-    "distance": "true contact from its target (mm)",
-    "pressure": "third latent number: pressure",
-    "load": "true load (N)",
-}
+PLOTS = ("true contact from its target (mm)", "third latent number: pressure", "true load (N)")
 
 
 @dataclass(frozen=True)
@@ -72,82 +67,81 @@ def shown_runs(trials: pd.DataFrame, paths: pd.DataFrame, count: int) -> list[di
     return [{name: run(number, variant) for name, variant in SHOWN.items()} for number in numbers]
 
 
-def write_servo_runs(
-    path: str | Path, shown: Sequence[Mapping[str, ServoRun]], flat_skin: scene.FlatSkin, handle: Handle
-) -> None:
-    """Record closed loops (`shown_runs`): one tab per trial, one column per controller."""
-    skin = flat_skin.skin
+def servo_runs(
+    shown: Sequence[Mapping[str, ServoRun]], flat_skin: scene.FlatSkin, handle: Handle
+) -> Recording:
+    """Closed loops (`shown_runs`): one tab per trial, one column per controller."""
     scale = scene.full_scale([run.motion.signals for runs in shown for run in runs.values()])
-    names = [
-        f"{number + 1}, {next(iter(runs.values())).trial['motion']}" for number, runs in enumerate(shown)
+    body = scene.handle("handle", handle.centre, handle.axis, handle.radius)
+    above, tabs = handle.centre + np.array([0.0, 0.0, handle.radius]), []
+    for number, runs in enumerate(shown, 1):
+        name, columns = f"{number}, {next(iter(runs.values())).trial['motion']}", []
+        for label, run in runs.items():
+            finger, drawn = _touch(entity(name, label), run, flat_skin, scale)
+            ahead = quaternion.rotate(run.motion.orientation[:1], np.array([1.0, 0.0, 0.0]))[0]
+            view = scene.close_view(f"NJ, {label} (simulated)", [*finger, body], above, ahead)
+            heading = f"skin and latent path, {label} (mm)"
+            columns.append(views.column(view, scene.map_view(heading, drawn, flat_skin.skin)))
+        tabs.append(scene.tab(name, columns, views.plots(_curves(name, runs)), _notes(runs)))
+    return Recording(TITLE, views.tabs(*tabs))
+
+
+def _touch(
+    path: str, run: ServoRun, flat_skin: scene.FlatSkin, scale: float
+) -> tuple[list[Item], list[Item]]:
+    """The finger, and its skin with latent path, true contact path, and rings at both targets."""
+    time, touching, point = run.motion.time, run.load > 0, run.columns("{}_m")
+    target, target_latent = run.of_trial("target_{}_m"), run.of_trial("target_latent_{}")
+    at_target = np.tile(target, (len(point), 1)), np.full(len(point), True)
+    contacts = [
+        scene.Contact("contact", TRUE, time, point, touching),
+        scene.Contact("target", LATENT, time, *at_target),
     ]
-    with recording(path, TITLE) as to:
-        tabs = [_tab(name, runs, skin, handle) for name, runs in zip(names, shown, strict=True)]
-        to.show(tabs)
-        scene.send_handle(to, "handle", handle.centre, handle.axis, handle.radius)
-        for name, runs in zip(names, shown, strict=True):
-            for label, run in runs.items():
-                motion, place = run.motion, entity(name, label)
-                point, target = run.columns("{}_m"), run.of_trial("target_{}_m")
-                contacts = [scene.Contact("contact", TRUE, motion.time, point, run.load > 0)]
-                tiled, always = np.tile(target, (len(point), 1)), np.full(len(point), True)
-                contacts.append(scene.Contact("target", LATENT, motion.time, tiled, always))
-                scene.send_touch(to, place, skin, motion, contacts, scale)
-                _send_ways(to, f"{place}/map", run, flat_skin)
-                _send_curves(to, name, label, run)
-            to.notes(_notes(runs), name)
-
-
-def _send_ways(to: Recording, path: str, run: ServoRun, flat_skin: scene.FlatSkin) -> None:
-    """Latent path on its map, true contact path on the skin, and rings at both targets."""
-    time, touching = run.motion.time, run.load > 0
-    scene.send_map_path(to, f"{path}/latent", time, flat_skin.latent(run.columns("latent_{}")), LATENT)
+    finger, drawn = scene.touch(path, flat_skin.skin, run.motion, contacts, scale)
+    latent = flat_skin.latent(run.columns("latent_{}"))
+    drawn += scene.map_path(f"{path}/map/latent", time, latent, LATENT)
     if touching.any():
-        on_skin = flat_skin.places(run.columns("{}_m")[touching])
-        scene.send_map_path(to, f"{path}/contact", time[touching], on_skin, TRUE)
+        on_skin = flat_skin.places(point[touching])
+        drawn += scene.map_path(f"{path}/map/contact", time[touching], on_skin, TRUE)
     angle = np.linspace(0.0, 2 * np.pi, 41)[:, None]
     ring = np.hstack([np.cos(angle), np.sin(angle)])  # 1 mm radius: the tolerance
     for name, place, colour in (
-        ("latent target", flat_skin.latent(run.of_trial("target_latent_{}")), LATENT),
-        ("target", flat_skin.places(run.of_trial("target_{}_m")), TRUE),
+        ("latent target", flat_skin.latent(target_latent), LATENT),
+        ("target", flat_skin.places(target), TRUE),
     ):
-        to.lines(f"{path}/{entity(name)}", [place + ring], colour, -1.5, draw_order=scene.IN_FRONT)
+        name = f"{path}/map{entity(name)}"
+        drawn.append(items.lines(name, [place + ring], colour, -1.5, draw_order=scene.IN_FRONT))
+    return finger, drawn
 
 
-def _send_curves(to: Recording, name: str, label: str, run: ServoRun) -> None:
+def _curves(name: str, runs: Mapping[str, ServoRun]) -> dict[str, list[Item]]:
     """Distance of the contact from its target, pressure and load; both controllers in one plot."""
-    time, colour = run.motion.time, FORM_COLOURS[SHOWN[label].form]
-    away = 1e3 * np.linalg.norm(run.columns("{}_m") - run.of_trial("target_{}_m"), axis=1)
-    away[run.load <= 0] = np.nan
-    curves = (away, run.columns("latent_{}")[:, 2], run.load)
-    for group, values in zip(PLOTS, curves, strict=True):
-        to.series(entity(name, group, label), time, values, label, colour)
-    for group, column in (("pressure", "target_latent_z"), ("load", "target_load_n")):
-        level = np.full(2, float(run.trial[column]))
-        to.series(entity(name, group, "target"), time[[0, -1]], level, "target", GREY)
-
-
-def _tab(name: str, runs: Mapping[str, ServoRun], skin: Skin, handle: Handle) -> rrb.Horizontal:
-    columns = []
+    distance, pressure, load = curves = list[Item](), list[Item](), list[Item]()
     for label, run in runs.items():
-        path = entity(name, label)
-        ahead = quaternion.rotate(run.motion.orientation[:1], np.array([1.0, 0.0, 0.0]))[0]
-        centre = handle.centre + np.array([0.0, 0.0, handle.radius])
-        view = scene.close_view(f"NJ, {label} (simulated)", [f"{path}/finger/**", "handle"], centre, ahead)
-        heading = f"skin and latent path, {label} (mm)"
-        columns.append(rrb.Vertical(view, scene.map_view(heading, [f"{path}/skin", f"{path}/map"], skin)))
-    return scene.tab(name, columns, PLOTS, legends=True)
+        time, look = run.motion.time, (label, FORM_COLOURS[SHOWN[label].form])
+        away = 1e3 * np.linalg.norm(run.columns("{}_m") - run.of_trial("target_{}_m"), axis=1)
+        away[run.load <= 0] = np.nan
+        latent = run.columns("latent_{}")[:, 2]
+        distance.append(series(entity(name, "distance", label), time, away, *look))
+        pressure.append(series(entity(name, "pressure", label), time, latent, *look))
+        load.append(series(entity(name, "load", label), time, run.load, *look))
+    times = np.concatenate([run.motion.time for run in runs.values()])
+    ends = np.array([times.min(), times.max()])
+    for group, its, column in (("pressure", pressure, "target_latent_z"), ("load", load, "target_load_n")):
+        level = np.full(2, float(run.trial[column]))
+        its.append(series(entity(name, group, "target"), ends, level, "target", GREY))
+    return dict(zip(PLOTS, curves, strict=True))
 
 
 def _notes(runs: Mapping[str, ServoRun]) -> str:
     colours = {
-        "orange electrodes": "counts fell: pressed",
-        "light blue electrodes": "counts rose",
-        "green": "true contact and, as a ring of 1 mm, its target",
-        "light blue": "latent state, laid onto the skin, and its target",
-        "ochre, blue curves": " and ".join(runs),
+        "counts fell: pressed": "orange electrodes",
+        "counts rose": "light blue electrodes",
+        "true contact and, as a ring of 1 mm, its target": "green",
+        "latent state, laid onto the skin, and its target": "light blue",
+        " and ".join(runs): "ochre, blue curves",
     }
-    rows = ["| controller | reached | off | pressure |", "|---|---|---|---|"]
+    rows = []
     for label, run in runs.items():
         its, short = run.trial, label.removesuffix(" controller")
         errors = f"{its['position_error_mm']:.2f} mm | {100 * its['pressure_error']:.0f} %"
@@ -158,7 +152,9 @@ def _notes(runs: Mapping[str, ServoRun]) -> str:
         f"{first['geodesic_mm']:.1f} mm along the skin). It knows only the target readings. "
         "Left the published controller, right the adaptive controller, this project's own; both with "
         "the network's Jacobian (NJ) of the same trained model."
-        f"\n\n{colour_words(colours)}\n\n" + "\n".join(rows) + "\n\nThe latent "
+        f"\n\n{views.legend(colours)}\n\n"
+        + views.table("| controller | reached | off | pressure |", rows)
+        + "\n\nThe latent "
         "state is that of the low-passed electrodes, later than the contact; its position and the true "
         "contact differ by the error of estimated contact points.\n"
     )

@@ -4,27 +4,20 @@ Fingers (any skin of `tactile.electrodes`) are drawn as lines of constant surfac
 below the skin stay visible. Flat pictures are in mm: x along the finger, y across it, upwards.
 """
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Self
 
 import numpy as np
 import rerun as rr
-import rerun.blueprint as rrb
 from pydantic import Field
 
 from structlearn.core import quaternion
 from structlearn.core.params import Parameters
 from structlearn.tactile.electrodes import MapAlignment, Skin, align_map
-from structlearn.viewer.rrd import (
-    Recording,
-    below,
-    eye_view,
-    flat_view,
-    notes_view,
-    plot,
-    thinning,
-)
+from structlearn.viewer import items, views
+from structlearn.viewer.items import Item
+from structlearn.viewer.views import Panel
 
 SKIN, HANDLE = "#6b7480", "#8d7f6b"
 
@@ -103,42 +96,37 @@ def flat(skin: Skin, points: np.ndarray) -> np.ndarray:
     return 1e3 * np.stack([along, -across], axis=-1)
 
 
-def send_touch(
-    to: Recording, path: str, skin: Skin, motion: FingerMotion, contacts: Sequence[Contact], scale: float
-) -> None:
-    """Log a moving `finger` and the flat `skin` below a path, with coloured electrodes and contacts.
+def touch(
+    path: str, skin: Skin, motion: FingerMotion, contacts: Sequence[Contact], scale: float
+) -> tuple[list[Item], list[Item]]:
+    """A moving finger and the flat skin below a path, each with coloured electrodes and contacts.
 
     `scale`: counts shown in full colour, orange where pressed, light blue where the fluid bulges.
     """
-    finger, flat_skin = f"{path}/finger", f"{path}/skin"
-    dt = float(np.median(np.diff(motion.time)))
-    kept = slice(None, None, thinning(dt, POSE_RATE_HZ))
+    kept = items.kept(motion.time, POSE_RATE_HZ)
     pose = (motion.position[kept], SKIN, motion.orientation[kept], AXES_M)
-    to.moving_frame(finger, motion.time[kept], *pose)
-    to.lines(f"{finger}/skin", skin_lines(skin), SKIN, -0.8)
+    finger = [
+        items.moving_frame(f"{path}/finger", motion.time[kept], *pose),
+        items.lines(f"{path}/finger/skin", skin_lines(skin), SKIN, -0.8),
+    ]
     places = flat(skin, skin.project(skin.electrodes))
     numbers = [str(number + 1) for number in range(len(places))]
-    to.dots(f"{flat_skin}/numbers", places + np.array([0.0, 0.4]), SKIN, 0.0, labels=numbers)
-    kept = slice(None, None, thinning(dt, COLOUR_RATE_HZ))
-    felt = np.clip(-motion.signals[kept] / scale, -1.0, 1.0)
-    for above, electrodes in (
-        (finger, rr.Points3D(skin.electrodes, radii=ELECTRODE_M)),
-        (flat_skin, rr.Points2D(places, radii=ELECTRODE_MM)),
-    ):
-        to.readings(f"{above}/electrodes", motion.time[kept], electrodes, felt, 1.0)
-    for contact in contacts:
-        _send_contact(to, path, skin, contact)
-
-
-def _send_contact(to: Recording, path: str, skin: Skin, contact: Contact) -> None:
-    """Log a contact point in the finger frame and on the flat skin."""
-    if not len(contact.time):
-        return
-    kept = slice(None, None, thinning(float(np.median(np.diff(contact.time))), COLOUR_RATE_HZ))
-    time, points, there = contact.time[kept], contact.point[kept], contact.touching[kept]
-    for above, places, radius in (("finger", points, CONTACT_M), ("skin", flat(skin, points), CONTACT_MM)):
-        name = f"{path}/{above}/{contact.name}"
-        to.moving_point(name, time, places, contact.colour, radius, there=there)
+    drawn = [items.texts(f"{path}/skin/numbers", places + np.array([0.0, 0.4]), numbers, SKIN)]
+    kept = items.kept(motion.time, COLOUR_RATE_HZ)
+    time, felt = motion.time[kept], np.clip(-motion.signals[kept] / scale, -1.0, 1.0)
+    solid, dots = rr.Points3D(skin.electrodes, radii=ELECTRODE_M), rr.Points2D(places, radii=ELECTRODE_MM)
+    finger.append(items.readings(f"{path}/finger/electrodes", time, solid, felt, 1.0))
+    drawn.append(items.readings(f"{path}/skin/electrodes", time, dots, felt, 1.0))
+    for contact in (one for one in contacts if len(one.time)):
+        kept = items.kept(contact.time, COLOUR_RATE_HZ)
+        time, point, name, look = contact.time[kept], contact.point[kept], contact.name, contact.colour
+        for above, shown, at, radius in (
+            ("finger", finger, point, CONTACT_M),
+            ("skin", drawn, flat(skin, point), CONTACT_MM),
+        ):
+            place = (f"{path}/{above}/{name}", time, at, look, radius)
+            shown.append(items.moving_point(*place, there=contact.touching[kept]))
+    return finger, drawn
 
 
 def skin_lines(skin: Skin) -> list[np.ndarray]:
@@ -150,23 +138,21 @@ def skin_lines(skin: Skin) -> list[np.ndarray]:
     return lines + [skin.surface(along, fine[1]) for along in coarse[0]]
 
 
-def send_map_path(to: Recording, path: str, time: np.ndarray, places: np.ndarray, colour: str) -> None:
-    """Log a point (T, 2) mm moving on a flat picture, with its trail, in the foreground."""
-    to.moving_point(f"{path}/now", time, places, colour, CONTACT_MM, draw_order=IN_FRONT)
-    to.trail(f"{path}/trail", time, places, colour, -2.0, draw_order=IN_FRONT)
+def map_path(path: str, time: np.ndarray, places: np.ndarray, colour: str) -> list[Item]:
+    """A point (T, 2) mm moving on a flat picture, with its trail, in the foreground."""
+    point = items.moving_point(f"{path}/now", time, places, colour, CONTACT_MM, draw_order=IN_FRONT)
+    return [point, items.trail(f"{path}/trail", time, places, colour, -2.0, draw_order=IN_FRONT)]
 
 
-def send_handle(to: Recording, path: str, centre: np.ndarray, axis: np.ndarray, radius: float) -> None:
-    """Log the handle, a capsule with its centre (3,) m and horizontal unit axis (3,)."""
+def handle(path: str, centre: np.ndarray, axis: np.ndarray, radius: float) -> Item:
+    """The handle, a capsule with its centre (3,) m and horizontal unit axis (3,)."""
     turned = quaternion.from_rotation_vector(0.5 * np.pi * np.cross([0.0, 0.0, 1.0], axis))
     end, size = centre - 0.5 * HANDLE_M * axis, {"lengths": [HANDLE_M], "radii": [radius]}
     pose = {"translations": [end], "quaternions": [quaternion.to_xyzw(turned)]}
-    to.solid(path, rr.Capsules3D, HANDLE, 0.5, **size, **pose)
+    return items.solid(path, rr.Capsules3D, HANDLE, 0.5, **size, **pose)
 
 
-def close_view(
-    name: str, contents: Sequence[str], centre: np.ndarray, finger_x: np.ndarray
-) -> rrb.Spatial3DView:
+def close_view(name: str, shown: Sequence[Item], centre: np.ndarray, finger_x: np.ndarray) -> Panel:
     """3-D view of the skin on the handle at `centre` (3,) m, from the side and below.
 
     `finger_x` (3,): the finger's x axis in the base frame, roughly horizontal.
@@ -176,21 +162,17 @@ def close_view(
     aside = np.array([ahead[1], -ahead[0], 0.0])
     target = centre - 0.004 * ahead + np.array([0.0, 0.0, 0.006])
     backward = 0.35 * ahead + 0.9 * aside - [0.0, 0.0, 0.25]
-    return eye_view(name, contents, target, EYE_M * backward / np.linalg.norm(backward))
+    return views.eye(name, shown, target, EYE_M * backward / np.linalg.norm(backward))
 
 
-def map_view(name: str, paths: Sequence[str], skin: Skin) -> rrb.Spatial2DView:
-    """2-D view of what is logged below some paths, with the extent of the flat skin."""
+def map_view(name: str, shown: Sequence[Item], skin: Skin) -> Panel:
+    """2-D view with the extent of the flat skin."""
     (left, right), (low, high) = (1e3 * np.array(ends) for ends in (skin.along, skin.across))
-    return flat_view(
-        name, paths, [left - MARGIN_MM, right + MARGIN_MM], [-high - MARGIN_MM, -low + MARGIN_MM]
-    )
+    columns, rows = ([start - MARGIN_MM, end + MARGIN_MM] for start, end in ((left, right), (-high, -low)))
+    return views.flat(name, shown, columns, rows)
 
 
-def tab(
-    name: str, columns: Sequence[rrb.Vertical], plots: Mapping[str, str], legends: bool = False
-) -> rrb.Horizontal:
-    """Tab with columns of views, plots of the entities below its name, and notes."""
-    drawn = [plot(heading, [below(name, group)], legends) for group, heading in plots.items()]
-    beside = rrb.Vertical(*drawn, notes_view(name))
-    return rrb.Horizontal(rrb.Horizontal(*columns), beside, column_shares=[1, 1], name=name)
+def tab(name: str, columns: Sequence[Panel], plots: Sequence[Panel], notes: str) -> Panel:
+    """Tab with columns of views, beside plots and notes."""
+    beside = views.column(*plots, views.notes(notes, name))
+    return views.row(views.row(*columns), beside, shares=[1, 1], name=name)

@@ -2,15 +2,13 @@
 
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
-from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pandas as pd
 import rerun as rr
-import rerun.blueprint as rrb
 
-from structlearn.core import quaternion, signals
+from structlearn.core import signals
 from structlearn.feedback.coupling_model import CouplingModel, read_networks
 from structlearn.palette import DEMONSTRATION_COLOUR, LIGHT_GREY, PHASE_PATHS, REPRODUCTION_COLOUR, Look
 from structlearn.primitives import sequence
@@ -24,10 +22,11 @@ from structlearn.segmentation.segments import Segmentation
 from structlearn.tasks.movement.parameters import PARTS, MovementEntry
 from structlearn.tasks.movement.phase_corrections import complete, typical_paths
 from structlearn.tasks.task_files import TaskFiles
-from structlearn.viewer import rrd
-from structlearn.viewer.learned_primitives import write_primitives
-from structlearn.viewer.recorded_demonstrations import write_demonstrations
-from structlearn.viewer.rrd import Recording, Times, below, entity, legend
+from structlearn.viewer import items, views
+from structlearn.viewer.demonstrations import demonstrations
+from structlearn.viewer.items import Item, entity, series
+from structlearn.viewer.primitives import primitives
+from structlearn.viewer.recording import Recording
 
 DEMONSTRATED = (
     "Colours show the primitives, white is outside of them; each demonstration has a tab with its signals."
@@ -50,41 +49,40 @@ CHART = ("twist", "swing", "second swing")
 NOTHING = ""
 
 
-def write(files: TaskFiles, folder: Path) -> None:
-    """Write recordings of the demonstrations, of the primitives, and of what else was learned."""
-    own, runs, primitives = files.entry(MovementEntry), files.runs("demonstrations"), files.primitives()
+def recordings(files: TaskFiles) -> dict[str, Recording]:
+    """Recordings of the demonstrations, of the primitives, and of what else was learned."""
+    own, runs, learned = files.entry(MovementEntry), files.runs("demonstrations"), files.primitives()
     cut = joined_execution(runs) if own.presegmented == PARTS else (runs, files.segmentation())
-    title = f"{files.name}: demonstrations"
-    write_demonstrations(folder / "demonstrations.rrd", *cut, title, DEMONSTRATED)
     paths = {name: files.table(f"primitives/{name}") for name in ("nominal", "generalised")}
-    write_primitives(folder / "primitives.rrd", runs, primitives, paths, f"{files.name}: primitives", LEARNED)
+    shown = {
+        "demonstrations": demonstrations(*cut, f"{files.name}: demonstrations", DEMONSTRATED),
+        "primitives": primitives(runs, learned, paths, f"{files.name}: primitives", LEARNED),
+    }
     if own.turns:
         segments = segment_paths(runs, whole_run_cuts(runs), own.fit.smoothing_hz)
-        write_turns(folder / "turns.rrd", orientations(segments), primitives[0])
+        shown["turns"] = turns(orientations(segments), learned[0])
     if (files.folder / "feedback/completeness.parquet").exists():
-        corrected = complete(files.runs("corrected"), files.table("feedback/completeness"))
+        complete_runs = complete(files.runs("corrected"), files.table("feedback/completeness"))
         networks = read_networks(files.folder / "feedback/phase_networks.safetensors")
-        write_corrected(folder / "corrected.rrd", corrected, primitives, networks)
+        shown["corrected"] = corrected(complete_runs, learned, networks)
+    return shown
 
 
-def write_corrected(
-    path: Path,
-    corrected: Sequence[Demonstration],
-    nominal: Sequence[PosePrimitive],
-    networks: Mapping[str, CouplingModel],
-) -> None:
-    """Record the complete corrected runs, and the nominal primitive with and without learned coupling."""
+def corrected(
+    runs: Sequence[Demonstration], nominal: Sequence[PosePrimitive], networks: Mapping[str, CouplingModel]
+) -> Recording:
+    """The complete corrected runs, and the nominal primitive with and without learned coupling."""
     tables = {}
-    for name, unrolled in typical_paths(nominal[0].position, corrected, list(networks.items())).items():
+    for name, unrolled in typical_paths(nominal[0].position, runs, list(networks.items())).items():
         whole_path = sequence.SequencePath(unrolled, None, np.array([0, len(unrolled.time) - 1]))
         tables[PHASE_PATHS[name].name] = sequence.sequence_table(whole_path, [nominal[0].name])
     colours = dict(PHASE_PATHS[name] for name in ("nominal", "coupling"))
     note = (
-        f"The nominal primitive among {len(corrected)} corrected runs, from their mean start to the mean "
-        f"goal, without and with the coupling term learned from most of them:\n\n{legend(colours)}"
+        f"The nominal primitive among {len(runs)} corrected runs, from their mean start to the mean "
+        f"goal, without and with the coupling term learned from most of them:\n\n{views.legend(colours)}"
     )
     title = "Corrected runs: the primitive with coupling"
-    write_primitives(path, corrected, nominal, tables, title, note, colours=colours)
+    return primitives(runs, nominal, tables, title, note, colours=colours)
 
 
 def joined_execution(parts: Sequence[Demonstration]) -> tuple[list[Demonstration], Segmentation]:
@@ -103,43 +101,38 @@ def joined_execution(parts: Sequence[Demonstration]) -> tuple[list[Demonstration
     return [execution], Segmentation(cuts, pd.DataFrame(), pd.DataFrame(), pd.DataFrame(), EXECUTION)
 
 
-def write_turns(path: Path, logs: Sequence[OrientationTrajectory], primitive: PosePrimitive) -> None:
-    """Record turns of the hand and of the primitive on a common axis."""
+def turns(logs: Sequence[OrientationTrajectory], primitive: PosePrimitive) -> Recording:
+    """Turns of the hand and of the primitive on a common axis."""
     axes, learned = dominant_axes(logs), primitive.orientation
     assert learned is not None
     shown = [*((f"log {number}", log, RECORDED.colour) for number, log in enumerate(logs, 1))]
     shown.append((PRIMITIVE.name, learned.unroll(logs[0].dt), PRIMITIVE.colour))
     samples = round(learned.duration * RATE_HZ)
-    times = np.linspace(0.0, learned.duration, samples)
-    with rrd.recording(path, "Turns of the hand and the primitive") as to:
-        to.show(_blueprint([name for name, _, _ in shown]))
-        to.notes(TURNS + legend(dict([RECORDED, PRIMITIVE])))
-        for place, (name, turn, colour) in enumerate(shown):
-            angles = signals.time_normalised(on_chart(turn, axes).position, samples)  # (samples, 3) rad
-            _send_cap(to, name, colour, place, times, from_chart(angles, UP))
-            for chart, values in zip(CHART, np.degrees(angles).T, strict=True):
-                to.series(entity(chart, name), times, values, name, colour)
+    times, caps = np.linspace(0.0, learned.duration, samples), list[Item]()
+    curves: dict[str, list[Item]] = {chart: [] for chart in CHART}
+    for place, (name, turn, colour) in enumerate(shown):
+        angles = signals.time_normalised(on_chart(turn, axes).position, samples)  # (samples, 3) rad
+        caps += _cap(name, colour, place, times, from_chart(angles, UP))
+        for chart, values in zip(CHART, np.degrees(angles).T, strict=True):
+            curves[chart].append(series(entity(chart, name), times, values, name, colour))
+    middle = np.array([0.0, 0.5 * APART * (len(shown) - 1), 0.0])
+    scene = views.eye("Axis of the turn up", caps, middle, EYE)
+    notes = views.notes(TURNS + views.legend(dict([RECORDED, PRIMITIVE])))
+    plots = [views.plot(f"{name} (degrees to the goal)", its) for name, its in curves.items()]
+    left, right = views.column(scene, notes, shares=[3, 2]), views.column(*plots, shares=[3, 1, 1])
+    return Recording("Turns of the hand and the primitive", views.row(left, right, shares=[1, 1]))
 
 
-def _send_cap(
-    to: Recording, name: str, colour: str, place: int, times: Times, orientation: np.ndarray
-) -> None:
-    """Log a cap with a pointer at a place in the row, turning with (T, 4), and the goal's mark."""
+def _cap(name: str, colour: str, place: int, times: np.ndarray, orientation: np.ndarray) -> list[Item]:
+    """A cap with a pointer at a place in the row, turning with (T, 4), and the goal's mark."""
     middle, height = np.array([0.0, APART * place, 0.0]), 0.27 * RADIUS
     front = middle + np.array([[1.15 * RADIUS, 0.0, height], [1.8 * RADIUS, 0.0, 0.0]])
-    radius, cap = [[0.0, 0.0, height], [RADIUS, 0.0, height]], entity("caps", name)
-    to.solid(cap, rr.Cylinders3D, colour, 0.8, lengths=[0.5 * RADIUS], radii=[RADIUS])
-    to.lines(entity("caps", name, "pointer"), [radius], LIGHT_GREY, 0.003)
-    to.dots(entity("marks", name), front[:1], colour, 0.004)
-    to.dots(entity("marks", name, "name"), front[1:], colour, 0.0, labels=[name])
-    translation = np.tile(middle, (len(orientation), 1))
-    turns = rr.Transform3D.columns(translation=translation, quaternion=quaternion.to_xyzw(orientation))
-    to.over(cap, times, turns)
-
-
-def _blueprint(shown: Sequence[str]) -> rrb.Container:
-    middle = np.array([0.0, 0.5 * APART * (len(shown) - 1), 0.0])
-    scene = rrd.eye_view("Axis of the turn up", ["/caps/**", "/marks/**"], middle, EYE)
-    plots = [rrd.plot(f"{name} (degrees to the goal)", [below(name)]) for name in CHART]
-    left = rrb.Vertical(scene, rrd.notes_view(), row_shares=[3, 2])
-    return rrb.Horizontal(left, rrb.Vertical(*plots, row_shares=[3, 1, 1]), column_shares=[1, 1])
+    pointer = [[0.0, 0.0, height], [RADIUS, 0.0, height]]
+    size: dict[str, Any] = {"lengths": [0.5 * RADIUS], "radii": [RADIUS]}
+    cap = items.solid(entity("caps", name), rr.Cylinders3D, colour, 0.8, **size)
+    return [
+        *(cap, items.moving_frame(cap.path, times, np.tile(middle, (len(orientation), 1)), "", orientation)),
+        items.lines(entity("caps", name, "pointer"), [pointer], LIGHT_GREY, 0.003),
+        items.dots(entity("marks", name), front[:1], colour, 0.004),
+        items.dots(entity("marks", name, "name"), front[1:], colour, 0.0, labels=[name]),
+    ]

@@ -1,17 +1,16 @@
 """Recording of reaches past obstacles: the recorded hand and hands of models in the same scenes."""
 
 from collections.abc import Mapping
-from pathlib import Path
 
 import numpy as np
 import pandas as pd
 import rerun as rr
-import rerun.blueprint as rrb
 
 from structlearn.palette import BLACK, DEMONSTRATION_COLOUR, GREY, LIGHT_GREY, SCENE_MODELS, Look
 from structlearn.tasks.task_files import TaskFiles
-from structlearn.viewer import rrd
-from structlearn.viewer.rrd import Recording, below, entity, rgba
+from structlearn.viewer import items, views
+from structlearn.viewer.items import entity
+from structlearn.viewer.recording import Recording
 
 LOOKS = {"recorded": Look("recorded", DEMONSTRATION_COLOUR)} | {
     model: Look(look.name, LIGHT_GREY if look.colour == BLACK else look.colour)  # the viewer is black
@@ -33,54 +32,44 @@ NOTE = (
 NOTHING = "The task has no reaches past obstacles."
 
 
-def write(files: TaskFiles, folder: Path) -> None:
-    """Write the recording of the reaches that the page shows."""
+def recordings(files: TaskFiles) -> dict[str, Recording]:
+    """The recording of the reaches that the page shows."""
     tables = {name: files.table(f"obstacles/{name}") for name in ("paths", "shapes")}
-    if len(tables["paths"]):
-        title = f"{files.name}: reaches past obstacles"
-        write_reaches_past_obstacles(folder / "obstacles.rrd", tables, title)
+    if not len(tables["paths"]):
+        return {}
+    return {"obstacles": reaches_past_obstacles(tables, f"{files.name}: reaches past obstacles")}
 
 
-def write_reaches_past_obstacles(path: str | Path, tables: Mapping[str, pd.DataFrame], title: str) -> None:
-    """Record the reaches shown on the page, one tab per scene.
+def reaches_past_obstacles(tables: Mapping[str, pd.DataFrame], title: str) -> Recording:
+    """The reaches shown on the page, one tab per scene.
 
     `tables`: `paths` and `shapes` of `avoidance.scene_folds.SceneResults`.
     """
-    colours = rrd.legend({look.name: look.colour for look in LOOKS.values()})
-    with rrd.recording(path, title) as to:
-        to.notes(f"# {title}\n\n{NOTE}\n\n{colours}")
-        tabs = []
-        for name, paths in tables["paths"].groupby("reach", sort=False):
-            shapes = tables["shapes"].query("reach == @name")
-            middle, floor = _send_shapes(to, name, shapes)
-            for model, look in LOOKS.items():
-                _send_path(to, name, look, paths[paths["model"] == model], shapes[shapes["box"]])
-            scene = rrd.eye_view(name, [below(name)], middle, EYE_M, floor)
-            clearance = rrd.plot("distance to the nearest obstacle (mm)", [below("distance", name)])
-            beside = rrb.Vertical(rrd.notes_view(), clearance)
-            tabs.append(rrb.Horizontal(scene, beside, column_shares=[2, 1], name=name))
-        to.show(tabs)
-
-
-def _send_shapes(to: Recording, name: str, shapes: pd.DataFrame) -> tuple[np.ndarray, float]:
-    """Log obstacles, walls and axes; return the obstacles' mean centre (3,) m and the floor's height in m."""
-    sizes, centres = (shapes[columns].to_numpy() for columns in (EXTENT, PLACE))
-    solid = shapes["box"].to_numpy(bool)
-    to.boxes(entity(name, "obstacles"), sizes[solid], centres[solid], [GREY])
-    edges = rr.components.FillMode.MajorWireframe
-    walls = rr.Boxes3D(sizes=sizes[~solid], centers=centres[~solid], colors=rgba(LIGHT_GREY), fill_mode=edges)
-    to.still(entity(name, "walls"), walls)
-    floor = to.floor_axes(entity(name, "axes"), (centres - 0.5 * sizes)[solid])
-    return centres[solid].mean(axis=0), floor
-
-
-def _send_path(to: Recording, name: str, look: Look, its: pd.DataFrame, boxes: pd.DataFrame) -> None:
-    """Log a hand over time, its whole path as a line, and its distance from the obstacles' extents."""
-    points, time = its[PLACE].to_numpy(), its["time_s"].to_numpy()
-    width = 1.0 if look.colour == LIGHT_GREY else 2.0
-    path = entity(name, look.name)
-    to.lines(f"{path}/path", [points], look.colour, -width)
-    to.moving_frame(f"{path}/hand", time, points, look.colour)
-    beyond = np.abs(points[:, None] - boxes[PLACE].to_numpy()) - 0.5 * boxes[EXTENT].to_numpy()
-    apart = np.linalg.norm(np.maximum(beyond, 0.0), axis=-1).min(axis=1)
-    to.series(entity("distance", name, look.name), time, 1e3 * apart, look.name, look.colour)
+    notes = views.notes(f"# {title}\n\n{NOTE}\n\n{views.legend(dict(LOOKS.values()))}")
+    tabs = []
+    for name, paths in tables["paths"].groupby("reach", sort=False):
+        shapes = tables["shapes"].query("reach == @name")
+        sizes, centres = (shapes[columns].to_numpy() for columns in (EXTENT, PLACE))
+        solid = shapes["box"].to_numpy(bool)
+        walls = {"sizes": sizes[~solid], "centers": centres[~solid], "fill_mode": "majorwireframe"}
+        shown = [
+            items.solid(
+                entity(name, "obstacles"), rr.Boxes3D, GREY, sizes=sizes[solid], centers=centres[solid]
+            ),
+            items.solid(entity(name, "walls"), rr.Boxes3D, LIGHT_GREY, **walls),
+            items.floor_axes(entity(name, "axes"), (centres - 0.5 * sizes)[solid]),
+        ]
+        distances = []
+        for model, look in LOOKS.items():
+            its = paths[paths["model"] == model]
+            points, time, path = its[PLACE].to_numpy(), its["time_s"].to_numpy(), entity(name, look.name)
+            width = 1.0 if look.colour == LIGHT_GREY else 2.0
+            shown += items.travelled(path, time, points, look.colour, -width)
+            # distance from the obstacles' extents
+            beyond = np.maximum(np.abs(points[:, None] - centres[solid]) - 0.5 * sizes[solid], 0.0)
+            apart = 1e3 * np.linalg.norm(beyond, axis=-1).min(axis=1)
+            distances.append(items.series(entity("distance", name, look.name), time, apart, *look))
+        scene = views.eye(name, shown, centres[solid].mean(axis=0), EYE_M)
+        beside = views.column(notes, views.plot("distance to the nearest obstacle (mm)", distances))
+        tabs.append(views.row(scene, beside, shares=[2, 1], name=name))
+    return Recording(title, views.tabs(*tabs))

@@ -3,15 +3,17 @@
 from structlearn.core.artefacts import publish
 from structlearn.tasks.kinds import part
 from structlearn.tasks.task_files import TaskFiles, leave_out, run_for_task
+from structlearn.viewer.recording import write
 
 
 def main(files: TaskFiles) -> None:
     view = part(files.kind, "view")
+    recordings = {} if files.absent else view.recordings(files)
     with publish(files.report / "rerun") as folder:
         folder.mkdir()
-        if not files.absent:
-            view.write(files, folder)
-        if not any(folder.iterdir()):
+        for name, recording in recordings.items():
+            write(folder / f"{name}.rrd", recording)
+        if not recordings:
             leave_out(folder, files.absent or view.NOTHING)
 
 
