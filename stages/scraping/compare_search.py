@@ -6,7 +6,7 @@ from dataclasses import replace
 import pandas as pd
 
 from dissertation.scraping.protocol.board_refinement import (
-    Board,
+    BoardEnvironment,
     BoardRefinementParameters,
     read_board,
 )
@@ -37,7 +37,7 @@ def main() -> None:
 
 
 def searches(
-    board: Board,
+    board: BoardEnvironment,
     before: Mapping[str, CouplingModel],
     after: Mapping[str, CouplingModel],
     refined: BoardRefinementParameters,

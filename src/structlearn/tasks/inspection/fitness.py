@@ -11,7 +11,7 @@ from typing import Literal, NamedTuple
 import numpy as np
 
 from structlearn.readers.clock import MAX_GAP_S
-from structlearn.tasks.inspection.hand_motion import Candidate, MotionSurvey, PoseSource, pose_words
+from structlearn.tasks.inspection.hand_motion import HandCandidate, MotionSurvey, PoseSource, pose_words
 from structlearn.tasks.inspection.source_survey import SourceSeen
 
 Verdict = Literal["yes", "doubtful", "no"]
@@ -50,7 +50,7 @@ def at_most(value: float, bounds: tuple[float, float]) -> Verdict:
 
 
 def fitness(
-    seen: SourceSeen, hand: Candidate | None, motion: MotionSurvey | None, topics: Sequence[str]
+    seen: SourceSeen, hand: HandCandidate | None, motion: MotionSurvey | None, topics: Sequence[str]
 ) -> Iterator[Answer]:
     """Answers to all questions that apply to the files.
 
@@ -97,7 +97,7 @@ def _no_hand(seen: SourceSeen) -> Answer:
     return Answer("Is there a pose of the hand?", "no", "no poses or moving frames that can be read", advice)
 
 
-def _of_hand(seen: SourceSeen, hand: Candidate) -> Iterator[Answer]:
+def _of_hand(seen: SourceSeen, hand: HandCandidate) -> Iterator[Answer]:
     paths = hand.paths
     if missing := [file for file in seen.files if file.name not in paths]:
         reasons = [file.no_hands[hand.source] for file in missing if hand.source in file.no_hands]

@@ -85,7 +85,7 @@ def hand_path(stream: Stream) -> HandPath:
     return HandPath(dt, position, speed, turned, stamps_of(stream.stamps))
 
 
-class Candidate(NamedTuple):
+class HandCandidate(NamedTuple):
     """A pose source with its paths by file, and the medians of their extents and lengths in m."""
 
     source: PoseSource
@@ -106,7 +106,7 @@ def pose_words(source: PoseSource) -> str:
     return source if isinstance(source, str) else f"{source.tip} by the joints in {source.topic}"
 
 
-def candidates(hands: Mapping[str, Mapping[PoseSource, HandPath]]) -> list[Candidate]:
+def hand_candidates(hands: Mapping[str, Mapping[PoseSource, HandPath]]) -> list[HandCandidate]:
     """All pose sources with a path in some file, the most likely for the hand first.
 
     Sources that move, in most of the files, come first; then topics of poses before transforms before
@@ -116,9 +116,9 @@ def candidates(hands: Mapping[str, Mapping[PoseSource, HandPath]]) -> list[Candi
     for source in dict.fromkeys(source for by_source in hands.values() for source in by_source):
         paths = {name: by_source[source] for name, by_source in hands.items() if source in by_source}
         sizes = [(path.extent_m, float(path.speed.sum() * path.dt)) for path in paths.values()]
-        every.append(Candidate(source, paths, *np.median(sizes, axis=0).tolist()))
+        every.append(HandCandidate(source, paths, *np.median(sizes, axis=0).tolist()))
 
-    def rank(one: Candidate) -> tuple:
+    def rank(one: HandCandidate) -> tuple:
         """Sort key, small for likely sources; ties keep the order of names."""
         kind, path_length = type(one.source), one.travelled
         farthest = max(other.travelled for other in every if type(other.source) is kind)

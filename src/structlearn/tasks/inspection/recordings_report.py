@@ -17,10 +17,10 @@ from structlearn.tasks.inspection.clocks import TopicClocks, stamps_of
 from structlearn.tasks.inspection.fitness import Answer, fitness
 from structlearn.tasks.inspection.hand_motion import (
     BRIDGE_S,
-    Candidate,
+    HandCandidate,
     MotionRun,
     MotionSurvey,
-    candidates,
+    hand_candidates,
     pose_words,
     survey_motion,
 )
@@ -38,7 +38,7 @@ class Findings(NamedTuple):
     """Contents of a source, and conclusions."""
 
     seen: SourceSeen
-    sources: Sequence[Candidate]  # of poses; the first is taken as the hand's
+    sources: Sequence[HandCandidate]  # of poses; the first is taken as the hand's
     motion: MotionSurvey | None  # None: the hand does not move
     proposal: Proposal | None  # None: nothing could be the hand's pose
     answers: Sequence[Answer]
@@ -56,7 +56,7 @@ def inspect(source: str, urdf: str | None, output: Path | None) -> None:
 def find_out(source: str, urdf: str | None = None) -> Findings:
     """Survey a source (see `look_at`), its motion and fitness, and propose an entry."""
     seen = look_at(source, urdf)
-    found = candidates({file.name: file.hands for file in seen.files})
+    found = hand_candidates({file.name: file.hands for file in seen.files})
     if not found:
         return Findings(seen, (), None, None, list(fitness(seen, None, None, ())))
     motion = survey_motion(found[0].paths) if found[0].moves else None
