@@ -13,7 +13,7 @@ from dissertation.dynamics.world.joint_logs import (
     perturbed_robot_log,
 )
 from dissertation.scraping.protocol.execution_scores import ExecutionParameters
-from dissertation.scraping.protocol.executions import corrected_runs, execute_run
+from dissertation.scraping.protocol.executions import execute_run, runs_to_correct
 from dissertation.scraping.world import scraping_robot
 from dissertation.scraping.world.execution import Advance
 from dissertation.scraping.world.scraping_world import World, load
@@ -43,7 +43,7 @@ def corrected_execution() -> pd.DataFrame:
     settings = stage_parameters("record_corrections", ExecutionParameters).settings_deg
     testbed = stage_parameters("testbed", TestbedParameters)
     skill = ReactiveSkill(read_primitives("data/primitives/scraping/primitives.safetensors"))
-    (one,) = corrected_runs([max(settings)], 1)
+    (one,) = runs_to_correct([max(settings)], 1)
     runs = [_felt(execute_run(one, 0, skill, testbed, engine)) for engine in (None, in_pybullet)]
     return differences(f"scraping, {max(settings):g} degrees, corrected by a person", *runs)
 

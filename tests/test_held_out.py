@@ -48,7 +48,7 @@ import structlearn
 from dissertation.dynamics.protocol.trainings import (
     DynamicsTrainingParameters,
     EpochLimits,
-    train,
+    train_all,
     trainings,
 )
 from dissertation.obstacles.protocol import avoidance_fits, avoidance_scores
@@ -74,7 +74,7 @@ from structlearn.avoidance.network_training import held_out_rows
 from structlearn.avoidance.scene_folds import learn_past_obstacles
 from structlearn.core.artefacts import write_table
 from structlearn.core.parallel import BACKEND
-from structlearn.feedback.corrected_paths import SAMPLES, corrected_paths, split
+from structlearn.feedback.corrected_paths import SAMPLES, corrected_paths, split_demonstrations
 from structlearn.feedback.coupling_dataset import (
     CouplingDataset,
     concatenated,
@@ -105,7 +105,7 @@ from structlearn.tasks.motion.parameters import LEARNED, NetworkChoiceParameters
 from structlearn.tasks.movement import feedback_learning
 from structlearn.tasks.movement.movement_learning import segmented
 from structlearn.tasks.movement.parameters import TaskFeedbackParameters
-from structlearn.tasks.movement.phase_corrections import _split, corrected_runs, learn_corrections
+from structlearn.tasks.movement.phase_corrections import _split, learn_corrections, runs_with_coupling
 from structlearn.tasks.project import STAGES
 from structlearn.tasks.touch import skin_force, skin_protocol, skin_readings, surface_traces
 from structlearn.tasks.touch.skin_touches import learn_skin
@@ -134,7 +134,7 @@ FITS_ALL = {
     "call those that have a case": "transfer.compare_sets motion.learn touch.learn obstacles.learn "
     "parts.learn avoidance_fits._errors fitting.learn_sequence fitting.cross_validation "
     "autoencoded.train pca.train pca.train_on_codes",
-    "what is compared with itself": "movement_learning.reproduction movement_learning.turns "
+    "what is compared with itself": "movement_learning.reproduction movement_learning.turn_errors "
     "drives_and_load.payload_check touch_calibration.variance_shares trainings._once_through",
     "traces of all runs that are given": "feedback_learning.learn_feedback movement_learning.learn_traces",
     "searches by rollouts": "sample_efficiency._advance",
@@ -288,7 +288,7 @@ def corrections(monkeypatch, tmp_path):
     learned, left_out = _split(len(higher()), 0)
 
     def learn(demonstrations):
-        found = corrected_runs(demonstrations, nominal, 20.0)
+        found = runs_with_coupling(demonstrations, nominal, 20.0)
         return learn_corrections(found, nominal.local, arcs.PARAMETERS)[0]
 
     return Case(learn, higher(), higher(left_out[0]), higher(learned[0]))
@@ -313,13 +313,13 @@ def expected_of_slides(monkeypatch, tmp_path):
     return [Case(learn, data, slid(held_out), trained_on) for held_out in ("mat_3", "cork_1")]
 
 
-@of_stage("tasks/touch", fits="surface_traces.leave_one_out")
+@of_stage("tasks/touch", fits="surface_traces.left_out_deviations")
 def slides_left_out(monkeypatch, tmp_path):
     learn = each(
         monkeypatch,
         surface_traces,
         "fit_expected_traces",
-        lambda its: surface_traces.leave_one_out(its, SLIDES),
+        lambda its: surface_traces.left_out_deviations(its, SLIDES),
     )
     return Case(lambda its: learn(its)[1], slid(), slid("mat_2"), slid("mat_1"))
 
@@ -383,7 +383,7 @@ def start_of_unrolled_feedback(monkeypatch, tmp_path):
     paths = corrected_paths(data, SAMPLES)
     trained_on, chooses = (
         np.isin(data.demonstration, part.demonstration)
-        for part in split(paths, FEEDBACK.validation_share, FEEDBACK.unrolled.seed)
+        for part in split_demonstrations(paths, FEEDBACK.validation_share, FEEDBACK.unrolled.seed)
     )
     learn = each(
         monkeypatch,
@@ -529,14 +529,14 @@ def unhindered_reach(monkeypatch, tmp_path):
     return Case(learn, sets, [sets[0], *(moved(its, 0) for its in sets[1:])], [moved(sets[0], 0), *sets[1:]])
 
 
-@of_stage("obstacles/train", fits="avoidance_fits.learn learned_models.train_phase_modulated")
+@of_stage("obstacles/train", fits="avoidance_fits.learn_avoidance learned_models.train_phase_modulated")
 def avoidance(monkeypatch, tmp_path):
     """Networks and ensembles, of each setting, each shape and all; Rai et al.; phase-modulated ones."""
     data = toy_reaches(scenarios=len(SCENARIOS), samples=20)
     held = held_out_rows(data, AVOIDANCE.split)
 
     def learn(dataset):
-        return avoidance_fits.learn({7: dataset}, SCENARIOS, AVOIDANCE, modulated=7)[0]
+        return avoidance_fits.learn_avoidance({7: dataset}, SCENARIOS, AVOIDANCE, modulated=7)[0]
 
     tested = with_wobbling(data, held, "features", "target")
     return Case(learn, data, tested, with_wobbling(data, ~held, "target"))
@@ -611,7 +611,7 @@ def dynamics(monkeypatch, tmp_path):
     }
 
     def learn(motions):
-        models = train(trainings((11, 12), parameters), motions, arm().tree, parameters)[0]
+        models = train_all(trainings((11, 12), parameters), motions, arm().tree, parameters)[0]
         return {name: its for name, its in models.items() if "/12/" not in name}
 
     changed = [data | {name: pushed(data[name], slice(None))} for name in ("perturbed/12", "perturbed/11")]
@@ -792,7 +792,7 @@ def latent_spaces(monkeypatch, tmp_path):
     data = toy_touches(contacts=10, samples=200)
     geodesics = toy_geodesics(data, bins=1, size=800)
     return Case(
-        lambda its: of_comparison(latent_comparison.learn(its, geodesics, LATENT)),
+        lambda its: of_comparison(latent_comparison.learn_latent_spaces(its, geodesics, LATENT)),
         data,
         with_wobbling(data, data.split != TRAIN, *READINGS),
         with_wobbling(data, data.split == TRAIN, *READINGS),

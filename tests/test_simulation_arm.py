@@ -34,7 +34,7 @@ class Compiled:
 
     def step(self, torques):
         dynamics(self.arrays, self.q, self.qd, self.work)
-        compiled_arm.step(self.coulomb, torques, self.dt, self.work, self.q, self.qd)
+        compiled_arm.step_arm(self.coulomb, torques, self.dt, self.work, self.q, self.qd)
         return self.q.copy(), self.qd.copy()
 
 

@@ -16,12 +16,12 @@ from dissertation.recorded.coupling import page as section
 from dissertation.recorded.readers import coupling_samples
 from structlearn.avoidance import scene_folds, scene_models
 from structlearn.avoidance.avoidance_dataset import AvoidanceDataset
-from structlearn.avoidance.features import features
+from structlearn.avoidance.features import obstacle_features
 from structlearn.avoidance.scene_folds import ALL_MODELS, MODELS, folds_of_people, learn_past_obstacles
 from structlearn.avoidance.scene_reaches import ONSET_SHARE, SceneLearningParameters, reaches_past_obstacles
 from structlearn.core.errors import InputError, MissingInputError
 from structlearn.core.metrics import wilson_interval
-from structlearn.core.minimum_jerk import progress
+from structlearn.core.signals import minimum_jerk
 from structlearn.primitives import canonical, kernels
 from structlearn.primitives.position import fit_position
 from structlearn.readers.demonstration import Demonstration, NamedShape
@@ -42,7 +42,7 @@ WALLS = [
 def made_up_trial(person, number, bow=0.0, x=0.0, move_s=MOVE_S, late_s=0.2):
     """A hand that rests, reaches 0.4 m forward with a bow of so many m to the right, and rests."""
     time = np.arange(0.0, move_s + 2 * REST_S, 1.0 / RATE_HZ)
-    share = progress(np.clip((time - REST_S) / move_s, 0.0, 1.0))
+    share = minimum_jerk(np.clip((time - REST_S) / move_s, 0.0, 1.0))
     side = 0.03 * number + bow * np.sin(np.pi * share)
     position = np.column_stack([side, -0.25 + 0.4 * share, 0.78 + 0.02 * np.sin(np.pi * share)])
     box = NamedShape("box A", "cube", np.array([x, -0.05, 0.79]), UPRIGHT, np.array([0.1, 0.05, 0.12]))
@@ -76,7 +76,7 @@ def made_up_results():
 def test_a_reach_begins_at_its_onset_and_ends_at_the_target():
     (reach,), left_out = reaches_past_obstacles([made_up_trial("p1", 0, 0.1)], PARAMETERS)
     assert left_out.empty
-    speed = np.gradient(progress(np.linspace(0.0, 1.0, 2001)))
+    speed = np.gradient(minimum_jerk(np.linspace(0.0, 1.0, 2001)))
     begins = MOVE_S * np.argmax(speed > ONSET_SHARE * speed.max()) / 2000
     assert reach.duration_s == pytest.approx(MOVE_S - begins, abs=0.04)
     assert np.allclose(reach.in_base_frame[-1], [0.0, 0.15, 0.78], atol=2e-3)
@@ -135,7 +135,7 @@ def test_nobody_is_judged_by_what_was_learned_from_them():
     # pictures are chosen by the scene alone
     assert results.paths["reach"].unique().tolist() == ["p1_0", "p1_2", "p2_0", "p2_2"]
     shuffled = results.reaches.assign(hit=~results.reaches["hit"]).sample(frac=1.0, random_state=0)
-    assert scene_folds.shown_reaches(shuffled) == ["p1_0", "p1_2", "p2_0", "p2_2"]
+    assert scene_folds.pictured_reaches(shuffled) == ["p1_0", "p1_2", "p2_0", "p2_2"]
 
 
 def test_few_people_are_left_out_one_at_a_time():
@@ -164,7 +164,7 @@ def test_scores_tell_blocked_from_free_and_the_sides():
     assert rows.loc["scene", "left_mm"].max() < 1e3 * scene_models.END_LIMIT_M + 5.0
     reaches, _ = made_up_reaches()
     own = np.array([reach.in_base_frame for reach in reaches])  # who is the same as themselves
-    rows = scene_folds.scores(reaches, own, np.zeros(len(own)), PARAMETERS.hand_radius_m)
+    rows = scene_folds.reach_scores(reaches, own, np.zeros(len(own)), PARAMETERS.hand_radius_m)
     assert (rows["same_gaps"].all(), rows["path_mm"].max()) == (True, 0.0)
     pairs = scene_folds.beside_each_other(reaches)
     assert len(pairs) == 9  # three scenes, three pairs of people
@@ -179,7 +179,7 @@ def test_the_text_sees_the_nearest_box():
     clouds = np.stack([scenes.clouds[:, 0] + [0.0, 0.5, 0.0], scenes.clouds[:, 0]], axis=1)
     seen, x = scene_models.nearest_seen(position, velocity, clouds)
     near = clouds[:, 1]
-    expected = features(position, velocity, 1.0, near, near.mean(axis=1))
+    expected = obstacle_features(position, velocity, 1.0, near, near.mean(axis=1))
     assert np.allclose(seen, expected)
     assert np.allclose(x, near[..., 0])
 

@@ -178,9 +178,9 @@ def defaults(given: argparse.Namespace) -> None:
 
 def inspect(given: argparse.Namespace) -> None:
     """Show the contents of recordings and their suitability, and propose an entry."""
-    from structlearn.tasks.inspection.recordings_report import inspect as look
+    from structlearn.tasks.inspection.recordings_report import inspect_source
 
-    look(given.source, given.urdf, given.output)
+    inspect_source(given.source, given.urdf, given.output)
 
 
 def excite(given: argparse.Namespace) -> None:

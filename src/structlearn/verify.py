@@ -37,7 +37,7 @@ def main() -> None:
             written = outputs(lock)
             parts = {its.part for its in written}
             here = {its.part for its in written if _is_made_here(its)}
-            faults += changed(its for its in written if its.part in here)
+            faults += output_faults(its for its in written if its.part in here)
             if some := len(parts - here):
                 which = f"{some} of its {len(parts)} tasks or cells have" if here else "has"
                 print(f"{lock.with_name('dvc.yaml')}: {which} not been run here")
@@ -82,23 +82,23 @@ def _is_made_here(output: Output) -> bool:
     return output.path.parts[:1] != ("reports",) and output.path.exists()
 
 
-def changed(outputs: Iterable[Output]) -> Iterator[str | None]:
+def output_faults(outputs: Iterable[Output]) -> Iterator[str | None]:
     """Fault of each output that differs from what was written; None for intact ones."""
     for name, path, written in outputs:
         try:
-            yield None if digest(path) == written else f"{path}: not as stage '{name}' left it"
+            yield None if dvc_digest(path) == written else f"{path}: not as stage '{name}' left it"
         except FileNotFoundError:
             yield f"{path}: is not there; stage '{name}' writes it"
         except (OSError, ValueError) as error:  # ValueError: null byte in the path
             yield f"{path}: cannot be read: {error}"
 
 
-def digest(path: Path) -> str:
+def dvc_digest(path: Path) -> str:
     """MD5 of a file, or of the JSON list of a folder's files with their MD5, as in DVC."""
     if not path.is_dir():
         return file_digest(path, "md5")
     files = sorted((file.relative_to(path).as_posix(), file) for file in path.rglob("*") if file.is_file())
-    listing = [{"md5": digest(file), "relpath": name} for name, file in files]
+    listing = [{"md5": dvc_digest(file), "relpath": name} for name, file in files]
     return hashlib.md5(json.dumps(listing, sort_keys=True).encode()).hexdigest() + ".dir"
 
 

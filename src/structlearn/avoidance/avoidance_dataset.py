@@ -13,7 +13,7 @@ import numpy as np
 import pandas as pd
 from pydantic import Field
 
-from structlearn.avoidance.features import NAMES, features
+from structlearn.avoidance.features import NAMES, obstacle_features
 from structlearn.avoidance.shapes import Obstacle, check_cloud
 from structlearn.core.errors import InputError
 from structlearn.core.frames import local_frame
@@ -41,7 +41,9 @@ class AvoidanceDataParameters(Parameters):
 class AvoidanceDataset:
     """Samples of demonstrations in several scenarios."""
 
-    features: np.ndarray  # (S, 17) for one obstacle (`features`), or (S, F) for a scene (`look_ahead`)
+    features: (
+        np.ndarray
+    )  # (S, 17) for one obstacle (`obstacle_features`), or (S, F) for a scene (`look_ahead`)
     target: np.ndarray  # (S, 3) coupling term in the local frame
     phase: np.ndarray  # (S,) p
     phase_velocity: np.ndarray  # (S,) u
@@ -113,7 +115,7 @@ def samples(
     kept = slice(None, None, parameters.keep_every)
     p, u = canonical.phase(path.time[kept], tau)
     local = to_local(cloud, baseline)
-    columns = features(path.position[kept], path.velocity[kept], tau, local, local.mean(axis=0))
+    columns = obstacle_features(path.position[kept], path.velocity[kept], tau, local, local.mean(axis=0))
     numbers = np.full(len(p), scenario), np.full(len(p), number)
     return AvoidanceDataset(columns, target[kept], p, u, *numbers, path.time[kept])
 
@@ -134,10 +136,10 @@ def avoidance_dataset(
     ]
     if not parts:
         raise InputError("there are no demonstrations past obstacles")
-    return concatenated(parts)
+    return concatenated_samples(parts)
 
 
-def concatenated(parts: Sequence[Samples]) -> Samples:
+def concatenated_samples(parts: Sequence[Samples]) -> Samples:
     """Concatenation of dataclasses of arrays (S, ...)."""
     names = vars(parts[0])
     return type(parts[0])(**{name: np.concatenate([vars(part)[name] for part in parts]) for name in names})
@@ -147,7 +149,7 @@ KEYS = ("scenario", "demonstration", "time", "phase", "phase_velocity")
 TARGETS = [f"target_{axis}" for axis in AXES]
 
 
-def to_table(dataset: AvoidanceDataset) -> pd.DataFrame:
+def avoidance_table(dataset: AvoidanceDataset) -> pd.DataFrame:
     """One row per sample: `KEYS` (the time as `time_s`), `TARGETS` and the named features."""
     columns = {name: getattr(dataset, name) for name in KEYS}
     columns |= dict(zip(TARGETS, dataset.target.T, strict=True))
@@ -155,7 +157,7 @@ def to_table(dataset: AvoidanceDataset) -> pd.DataFrame:
     return pd.DataFrame(columns).rename(columns={"time": "time_s"})
 
 
-def from_table(table: pd.DataFrame) -> AvoidanceDataset:
-    """Dataset from a table of `to_table`."""
+def avoidance_from_table(table: pd.DataFrame) -> AvoidanceDataset:
+    """Dataset from a table of `avoidance_table`."""
     keys = {name: table["time_s" if name == "time" else name].to_numpy() for name in KEYS}
     return AvoidanceDataset(table[list(NAMES)].to_numpy(float), table[TARGETS].to_numpy(float), **keys)

@@ -17,7 +17,7 @@ from functools import partial
 
 import numpy as np
 
-from structlearn.avoidance.features import CouplingModel, features
+from structlearn.avoidance.features import CouplingModel, obstacle_features
 from structlearn.avoidance.postprocessing import Deadline, GoalReach, PostprocessingParameters, post_processed
 from structlearn.avoidance.shapes import CloudBatch
 from structlearn.core.errors import InputError
@@ -59,7 +59,7 @@ class AvoidancePaths:
         return self.path.turned(np.swapaxes(self.frame, 1, 2)).shifted(self.start[:, None])
 
 
-def unroll(
+def unroll_avoiding(
     primitive: PositionPrimitive,
     model: CouplingModel,
     obstacles: Sequence[CloudBatch],
@@ -173,7 +173,7 @@ class _Feedback:
         obstacle, (first_x, last_x) = self._obstacles[number], self._extent[number]
         moved = obstacle.displacement(float(self._time[k]))
         velocity = (moved - obstacle.displacement(float(self._time[k - 1]))) / self._dt
-        seen = features(x - moved, xd - velocity, self._tau, obstacle.points, obstacle.centre)
+        seen = obstacle_features(x - moved, xd - velocity, self._tau, obstacle.points, obstacle.centre)
         wanted = np.asarray(self._model(seen, self._phase[0][k], self._phase[1][k]))
         if wanted.shape != x.shape or not np.isfinite(wanted).all():
             raise InputError(

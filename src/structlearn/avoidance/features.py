@@ -38,7 +38,7 @@ CouplingModel = Callable[[np.ndarray, np.ndarray, np.ndarray], np.ndarray]
 """Avoidance model: features (B, 17), phase (B,), phase velocity (B,) -> coupling terms (B, 3) in m."""
 
 
-def features(
+def obstacle_features(
     position: np.ndarray, velocity: np.ndarray, tau: float, cloud: np.ndarray, centre: np.ndarray
 ) -> np.ndarray:
     """Features (..., 17) of a batch of states; leading axes broadcast, so states may share one cloud.
@@ -88,7 +88,7 @@ def closest_distance(position: np.ndarray, cloud: np.ndarray) -> np.ndarray:
 
 
 def _batch_shape(arrays: Mapping[str, np.ndarray]) -> tuple[int, ...]:
-    """Common leading axes of the arguments of `features`. Raises InputError: they do not broadcast."""
+    """Leading axes of the arguments of `obstacle_features`. Raises InputError: they do not broadcast."""
     batches = []
     for name, array in arrays.items():
         form = "(..., P, 3)" if name == "cloud" else "(..., 3)"

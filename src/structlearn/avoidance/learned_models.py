@@ -102,15 +102,15 @@ FORMATS: dict[str, tuple[Callable[..., dict[str, Any]], Callable[..., None]]] = 
 """Reader and writer of each kind of model."""
 
 
-def write_models(models: AvoidanceModels, folder: str | Path) -> None:
+def write_avoidance_models(models: AvoidanceModels, folder: str | Path) -> None:
     """Write one safetensors file per kind of model into a folder."""
     for kind, (_, write) in FORMATS.items():
         if kind != PHASE_MODULATED or models.get(kind):
             write(models.get(kind, {}), Path(folder, f"{kind}.safetensors"))
 
 
-def read_models(folder: str | Path) -> AvoidanceModels:
-    """Read models of `write_models`. Raises InputError: a file is missing or another file."""
+def read_avoidance_models(folder: str | Path) -> AvoidanceModels:
+    """Read models of `write_avoidance_models`. Raises InputError: a file is missing or another file."""
     files = {kind: Path(folder, f"{kind}.safetensors") for kind in FORMATS}
     wanted = [kind for kind, file in files.items() if kind != PHASE_MODULATED or file.exists()]
     return {kind: FORMATS[kind][0](files[kind]) for kind in wanted}

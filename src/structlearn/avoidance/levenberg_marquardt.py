@@ -176,7 +176,7 @@ def initial_layers(sizes: Sequence[int], rng: np.random.Generator) -> list[np.nd
     return layers
 
 
-def train(
+def levenberg_marquardt(
     layers: Layers,
     samples: Samples,
     parameters: LevenbergMarquardtParameters,

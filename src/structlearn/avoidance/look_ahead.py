@@ -70,7 +70,7 @@ class CostToGo:
         return (1.0 - u) * low + u * high
 
 
-def cost_to_go(
+def scene_cost_to_go(
     shapes: Sequence[Obstacle], start: np.ndarray, goal: np.ndarray, parameters: LookAheadParameters
 ) -> CostToGo:
     """Cost-to-go past all shapes in the horizontal plane halfway up the reach, base frame.

@@ -43,7 +43,7 @@ def seen_columns(inputs: str, features: int = 17) -> tuple[int, ...]:
     return (*range(features), *(features + column for column in COLUMNS[inputs]))
 
 
-class NetworkParameters(Parameters):
+class AvoidanceNetworkParameters(Parameters):
     """A feed-forward avoidance network. Fields: `params.yaml`, `obstacle_training.per_setting`."""
 
     hidden: tuple[PositiveInt, ...] = Field(min_length=1)
@@ -52,7 +52,7 @@ class NetworkParameters(Parameters):
     training: lm.LevenbergMarquardtParameters
 
 
-class EnsembleParameters(NetworkParameters):
+class EnsembleParameters(AvoidanceNetworkParameters):
     """A mean of networks trained on displaced demonstrations. Fields: `obstacle_training.ensemble`."""
 
     demonstrations: PositiveInt
@@ -85,7 +85,7 @@ def held_out_rows(dataset: AvoidanceDataset, parameters: SplitParameters) -> np.
 
 
 def fit_networks(
-    datasets: Sequence[AvoidanceDataset], parameters: NetworkParameters, description: str
+    datasets: Sequence[AvoidanceDataset], parameters: AvoidanceNetworkParameters, description: str
 ) -> AvoidanceNetworks:
     """Train one network per dataset, each the mean of its members, distributed over processes.
 
@@ -96,7 +96,7 @@ def fit_networks(
         for place, one in enumerate(datasets)
         for member in range(parameters.members)
     ]
-    layers = parallel_map(trained, work, description)
+    layers = parallel_map(trained_member, work, description)
     members = np.array_split(np.arange(len(work)), len(datasets))
     means = [avoidance_network.averaged([layers[index] for index in its]) for its in members]
     return stacked(means, datasets, parameters)
@@ -116,7 +116,7 @@ def member_samples(
 
 
 def stacked(
-    layers: Sequence[Layers], datasets: Sequence[AvoidanceDataset], parameters: NetworkParameters
+    layers: Sequence[Layers], datasets: Sequence[AvoidanceDataset], parameters: AvoidanceNetworkParameters
 ) -> AvoidanceNetworks:
     """Stack of networks of `train_member`, or of their means, each with its training dataset."""
     columns = seen_columns(parameters.inputs, datasets[0].features.shape[1])
@@ -136,7 +136,7 @@ def stacked(
 
 def train_member(
     dataset: AvoidanceDataset,
-    parameters: NetworkParameters,
+    parameters: AvoidanceNetworkParameters,
     stream: Sequence[int],
     seen: AvoidanceDataset | None = None,
 ) -> tuple[np.ndarray, ...]:
@@ -159,10 +159,10 @@ def train_member(
         samples, validation = (lm.Samples(*(values[rows] for values in samples)) for rows in (~held, held))
     weights = np.random.default_rng([training.seed, *stream, lm.WEIGHTS])
     layers = lm.initial_layers((len(columns), *parameters.hidden, seen.target.shape[1]), weights)
-    return lm.train(layers, samples, training, validation)
+    return lm.levenberg_marquardt(layers, samples, training, validation)
 
 
-def trained(work: tuple[Any, ...]) -> tuple[np.ndarray, ...]:
+def trained_member(work: tuple[Any, ...]) -> tuple[np.ndarray, ...]:
     """`train_member`; an ensemble member learns from `member_samples` unless given other samples."""
     dataset, parameters, stream, *seen = work
     if isinstance(parameters, EnsembleParameters) and not seen:

@@ -89,15 +89,19 @@ def judge_folds(
     training_parts = [np.flatnonzero(~np.isin(person, people)).tolist() for people in folds]
     scored, errors = [], []
     unrolled: dict[tuple[str, str], np.ndarray] = {}
-    for fold, learned in enumerate(scene_models.learn(reaches, scenes, training_parts, parameters)):
+    for fold, learned in enumerate(
+        scene_models.learn_scene_models(reaches, scenes, training_parts, parameters)
+    ):
         own, its = [reaches[place] for place in tests[fold]], scenes.take(tests[fold])
         errors.append(_errors(learned, own, its, parameters).assign(fold=fold))
         for model in ALL_MODELS:
             paths, left = scene_models.reach_through(learned, model, its, parameters)
             unrolled |= {(own[place].name, model): path for place, path in enumerate(paths)}
-            scored.append(scores(own, paths, left, parameters.hand_radius_m).assign(model=model, fold=fold))
+            scored.append(
+                reach_scores(own, paths, left, parameters.hand_radius_m).assign(model=model, fold=fold)
+            )
     table = pd.concat(scored, ignore_index=True)
-    shown = shown_reaches(table)
+    shown = pictured_reaches(table)
     return SceneResults(
         reaches=table,
         errors=pd.concat(errors, ignore_index=True),
@@ -107,7 +111,7 @@ def judge_folds(
     )
 
 
-def scores(
+def reach_scores(
     reaches: Sequence[SceneReach], paths: np.ndarray, left: np.ndarray, hand_radius_m: float
 ) -> pd.DataFrame:
     """Rows of `SceneResults.reaches` for paths (B, T, 3) m in the base frame."""
@@ -131,7 +135,7 @@ def _beside(reach: SceneReach, path: np.ndarray, other: np.ndarray) -> tuple[flo
 
 
 def _errors(
-    learned: scene_models.Learned,
+    learned: scene_models.SceneModels,
     reaches: Sequence[SceneReach],
     scenes: scene_models.Scenes,
     parameters: SceneLearningParameters,
@@ -166,7 +170,7 @@ def beside_each_other(reaches: Sequence[SceneReach]) -> pd.DataFrame:
     return pd.DataFrame(rows, columns=["first", "second", "reach", "path_mm", "same_gaps"])
 
 
-def shown_reaches(table: pd.DataFrame) -> list[str]:
+def pictured_reaches(table: pd.DataFrame) -> list[str]:
     """Reaches for pictures, chosen by the scene alone: evenly spaced among the blocked ones."""
     blocked = table.loc[(table["model"] == NONE) & table["blocked"], "reach"].sort_values().tolist()
     count = min(SHOWN, len(blocked))

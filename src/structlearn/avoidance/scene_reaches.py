@@ -12,7 +12,7 @@ import pandas as pd
 from pydantic import Field, PositiveInt
 
 from structlearn.avoidance.look_ahead import LookAheadParameters
-from structlearn.avoidance.network_training import EnsembleParameters, NetworkParameters
+from structlearn.avoidance.network_training import AvoidanceNetworkParameters, EnsembleParameters
 from structlearn.avoidance.shapes import Obstacle, recorded_obstacle
 from structlearn.core.errors import InputError
 from structlearn.core.frames import local_frame
@@ -46,7 +46,7 @@ class SceneLearningParameters(Parameters):
     cloud_count: int = Field(ge=6)
     look_ahead: LookAheadParameters
     network: EnsembleParameters
-    published_network: NetworkParameters
+    published_network: AvoidanceNetworkParameters
 
 
 @dataclass(frozen=True)

@@ -128,7 +128,7 @@ def begin(plan_arrays: Arrays, state_arrays: Arrays, primitive: int) -> None:
         forcing = plan.orientation_forcing[row, d]
         remaining[d] = transformation.compiled_initial_goal(0.0, w, wd, tau, forcing)
     evolving_goal = orientation.turned(state.orientation[0, 0], remaining)
-    remaining[:] = orientation.difference(evolving_goal, plan.orientation_goal[primitive])
+    remaining[:] = orientation.compiled_difference(evolving_goal, plan.orientation_goal[primitive])
 
 
 @numba.njit(cache=True)

@@ -29,7 +29,7 @@ from structlearn.core.errors import InputError
 from structlearn.feedback import models
 from structlearn.networks.compiled_layers import Array, Layers
 from structlearn.primitives.kernels import KERNEL_COUNT
-from structlearn.primitives.primitive_files import part, prefixed
+from structlearn.primitives.primitive_files import prefixed, tensors_below
 
 
 class Compiled(NamedTuple):
@@ -152,7 +152,8 @@ def read_networks(path: str | Path) -> dict[str, CouplingModel]:
     with holding(path, "feedback networks"):
         names = json.loads(read_description(path))["coupling_models"]
         networks = {
-            name: named_model(model).from_arrays(part(name, tensors)) for name, model in names.items()
+            name: named_model(model).from_arrays(tensors_below(name, tensors))
+            for name, model in names.items()
         }
         for name, network in networks.items():
             if error := network.validation_error():

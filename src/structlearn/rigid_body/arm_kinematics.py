@@ -209,7 +209,7 @@ class LinkShapes:
     bare: tuple[str, ...]  # moving links without a shape
 
 
-def read_shapes(arm: Arm, locked: Sequence[str], rest: np.ndarray) -> LinkShapes:
+def read_collision_shapes(arm: Arm, locked: Sequence[str], rest: np.ndarray) -> LinkShapes:
     """Read an arm's collision shapes from its URDF, with the same joints locked; `rest` is (n,) rad or m.
 
     Meshes are searched for in `urdf.mesh_folders`.

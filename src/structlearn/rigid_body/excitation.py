@@ -143,7 +143,7 @@ def random_series(problem: DesignProblem, count: int, seed: int) -> np.ndarray:
     return free
 
 
-def written(problem: DesignProblem, free: np.ndarray, rate_hz: float) -> tuple[np.ndarray, Motion]:
+def limited_motion(problem: DesignProblem, free: np.ndarray, rate_hz: float) -> tuple[np.ndarray, Motion]:
     """Times (T,) s and motion of one period, slowed down until the URDF's torques are within the limits.
 
     Raises InputError: torques exceed the limits however slowly the arm moves.

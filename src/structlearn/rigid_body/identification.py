@@ -59,7 +59,7 @@ def normalised_triangle(factors: TorqueFactors, limits: np.ndarray | None = None
     return triangular_factor(scaled.reshape(-1, scaled.shape[-1]))
 
 
-def least_squares(triangle: np.ndarray) -> np.ndarray:
+def unconstrained_minimiser(triangle: np.ndarray) -> np.ndarray:
     """Unconstrained minimiser (P,) of the sum of the joints' NMSEs; the smallest if not unique."""
     theta, *_ = np.linalg.lstsq(triangle[:, :-1], triangle[:, -1], rcond=SINGULAR)
     return theta
@@ -75,7 +75,7 @@ def fit_structure(
     friction: np.ndarray | None = None,
     prior: float = 0.0,
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Fit a structure's free parameters to the loss of `least_squares`, by L-BFGS.
+    """Fit a structure's free parameters to the loss of `unconstrained_minimiser`, by L-BFGS.
 
     A weak pull towards known inertias decides what the data leave undetermined. With a prior, `prior` times
     the links' mean `divergence` from the known inertias is added to the loss.
@@ -234,7 +234,7 @@ def fit_planar_arm(motion: Motion, iterations: int) -> tuple[KinematicTree, Dyna
 
     def error(places: np.ndarray) -> float:
         its = triangle(places)
-        return float(np.linalg.norm(its[:, :-1] @ least_squares(its) - its[:, -1]))
+        return float(np.linalg.norm(its[:, :-1] @ unconstrained_minimiser(its) - its[:, -1]))
 
     start = np.tile([1.0, 0.0], joints - 1)
     places = minimize(error, start, method="Nelder-Mead", options={"xatol": 1e-9, "fatol": 1e-12}).x

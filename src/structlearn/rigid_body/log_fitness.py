@@ -126,7 +126,7 @@ def parameter_percent(fit: BaseFit) -> np.ndarray:
     return 50.0 * (fit.high - fit.low) / np.maximum(np.abs(fit.parameters), np.finfo(float).tiny)
 
 
-def parameter_table(names: Sequence[str], fit: BaseFit) -> pd.DataFrame:
+def identified_table(names: Sequence[str], fit: BaseFit) -> pd.DataFrame:
     """Base parameters from best to worst determined: `parameter` (formula), `percent`, `determined`."""
     percent = parameter_percent(fit)
     verdicts = [_verdict(value, KNOWN_PERCENT, DETERMINED_PERCENT) for value in percent]

@@ -21,7 +21,7 @@ from structlearn.rigid_body.dynamics_training import (
     shuffled_epochs,
 )
 from structlearn.rigid_body.friction import FRICTIONS
-from structlearn.rigid_body.identification import fit_structure, least_squares, normalised_triangle
+from structlearn.rigid_body.identification import fit_structure, normalised_triangle, unconstrained_minimiser
 from structlearn.rigid_body.inertia_parameters import STRUCTURES, Structure
 from structlearn.rigid_body.motion import Motion
 from structlearn.rigid_body.regressor import MotionRegressor, link_parameters, torque_regressor
@@ -98,7 +98,7 @@ def identify_arm(
     torques: dict[ModelKey, dict[str, np.ndarray]] = {(URDF, "none"): urdf}
     for friction in frictions:
         its = {name: MotionRegressor(tree, part, True, FRICTIONS[friction]) for name, part in parts.items()}
-        theta = least_squares(normalised_triangle(its[TRAIN].factors, limits))
+        theta = unconstrained_minimiser(normalised_triangle(its[TRAIN].factors, limits))
         torques[LEAST_SQUARES, friction] = {name: (one.columns @ theta)[None] for name, one in its.items()}
     for key, learned in models.items():
         torques[key] = {name: predicted_torques(learned, tree, part) for name, part in parts.items()}
@@ -157,7 +157,7 @@ def body_table(models: Models, robot: Robot) -> pd.DataFrame:
     return pd.concat(tables, ignore_index=True)
 
 
-def trace_table(torques: Torques, part: str, motion: Motion, rate_hz: float, stride: int) -> pd.DataFrame:
+def torque_traces(torques: Torques, part: str, motion: Motion, rate_hz: float, stride: int) -> pd.DataFrame:
     """Measured and predicted torques in N m of a part, every `stride`-th sample, first seed of each model.
 
     Columns `time_s`, `joint`, `measured` and one per model, `KIND` or `KIND_FRICTION`.

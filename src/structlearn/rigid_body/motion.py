@@ -45,7 +45,7 @@ class Motion:
         return self.part(slice(None, end)), self.part(slice(end, None))
 
 
-def joined(motions: Sequence[Motion]) -> Motion:
+def joined_motions(motions: Sequence[Motion]) -> Motion:
     """Concatenation of several motions of the same joints."""
     fields = ("q", "qd", "qdd", "torque")
     return Motion(*(np.concatenate([getattr(motion, field) for motion in motions]) for field in fields))

@@ -15,7 +15,7 @@ from structlearn.core import signals
 from structlearn.core.errors import InputError
 from structlearn.readers.demonstration import Demonstration
 from structlearn.segmentation import motion_runs, run_assignment
-from structlearn.segmentation.motion_runs import Candidates, Motion, Search, moving_interval
+from structlearn.segmentation.motion_runs import AxisMotion, Candidates, CandidateSearch, moving_interval
 from structlearn.segmentation.onsets import movement_ends
 from structlearn.segmentation.parameters import BETWEEN, Axis, PrimitiveParameters, SegmentParameters
 from structlearn.segmentation.run_assignment import Chosen
@@ -150,7 +150,7 @@ def _thresholds(primitive: PrimitiveParameters, paces: Mapping[Axis, float]) -> 
 
 def _candidates(
     demonstration: Demonstration,
-    motions: Mapping[Axis, Motion],
+    motions: Mapping[Axis, AxisMotion],
     primitives: Sequence[PrimitiveParameters],
     paces: Mapping[Axis, float],
     parameters: SegmentParameters,
@@ -172,8 +172,8 @@ def _candidates(
         if key not in searched:
             ends, begins = events.get(primitive.name), events.get(previous, ())
             thresholds = _thresholds(primitive, paces)
-            search = Search(thresholds, demonstration.dt, bridge, most, breaks, ends, begins)
-            searched[key] = motion_runs.candidates(motions[primitive.shown_by], search)
+            search = CandidateSearch(thresholds, demonstration.dt, bridge, most, breaks, ends, begins)
+            searched[key] = motion_runs.run_candidates(motions[primitive.shown_by], search)
         rows.append(searched[key])
     return rows
 

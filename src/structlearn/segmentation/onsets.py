@@ -14,10 +14,10 @@ crossing (IV.5).
 
 import numpy as np
 
-from structlearn.core import minimum_jerk
+from structlearn.core.signals import minimum_jerk
 
 PHASE = np.linspace(0.0, 1.0, 2001)
-PROGRESS = minimum_jerk.progress(PHASE)
+PROGRESS = minimum_jerk(PHASE)
 
 REST_WINDOW_S = 0.3
 """Longest time before the crossing that is used to estimate the rest position and its sway."""

@@ -111,7 +111,7 @@ def cut(demonstrations: Sequence[Demonstration], parameters: SegmentParameters) 
             refined = {}
             for name, movement in movements.items():
                 try:
-                    refined[name] = alignment.refine(reference_movements[name], movement, parameters)
+                    refined[name] = alignment.refine_cuts(reference_movements[name], movement, parameters)
                 except ValueError as error:
                     raise InputError(f"{demonstration.name}: primitive '{name}': {error}") from error
             cuts.append(_cut_rows(demonstration, refined, parameters))

@@ -35,7 +35,7 @@ from structlearn.tactile.latent_training import (
     draw_pairs,
     encoded,
     latent_data,
-    train,
+    train_latent_spaces,
 )
 from structlearn.tactile.touch_dataset import (
     LINEAR,
@@ -80,7 +80,9 @@ class LatentComparison:
     tables: Mapping[str, pd.DataFrame]  # by name
 
 
-def learn(dataset: TouchDataset, geodesics: Geodesics, parameters: LatentParameters) -> LatentComparison:
+def learn_latent_spaces(
+    dataset: TouchDataset, geodesics: Geodesics, parameters: LatentParameters
+) -> LatentComparison:
     """Train all models and evaluate them.
 
     Raises InputError: a split or a bin has too few samples, no contact is long enough for a chain in training
@@ -126,7 +128,7 @@ def _learned(
     curve = []
     with one_thread():
         models = best_start(draws, data, training, parameters.start_steps)
-        for step in train(models, data, training):
+        for step in train_latent_spaces(models, data, training):
             curve.append(_point(models, splits["test"], tested, training.action_penalty).assign(step=step))
         tables = {
             "latent": latent_errors(models, splits),

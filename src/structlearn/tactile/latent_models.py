@@ -200,7 +200,7 @@ class TrainedTouch(NamedTuple):
     units: TouchUnits
 
 
-def write_models(models: LatentModels, units: TouchUnits, path: str | Path) -> None:
+def write_latent_models(models: LatentModels, units: TouchUnits, path: str | Path) -> None:
     """Publish a stack of models and their units."""
     arrays = {name: values.numpy() for name, values in models.to_arrays().items()}
     arrays |= {f"{UNITS}{name}": np.asarray(values) for name, values in vars(units).items()}
@@ -210,7 +210,7 @@ def write_models(models: LatentModels, units: TouchUnits, path: str | Path) -> N
     )
 
 
-def read_models(path: str | Path) -> TrainedTouch:
+def read_latent_models(path: str | Path) -> TrainedTouch:
     """Read a stack of models and their units.
 
     Raises InputError: the file is missing, damaged or another file.

@@ -101,7 +101,9 @@ def latent_data(samples: TouchSamples, pairs: Pairs, chains: Chains, units: Touc
     )
 
 
-def train(models: LatentModels, data: LatentData, parameters: LatentTrainingParameters) -> Iterator[int]:
+def train_latent_spaces(
+    models: LatentModels, data: LatentData, parameters: LatentTrainingParameters
+) -> Iterator[int]:
     """Train a stack in place; only its autoencoders if the data have no chains.
 
     Yields the number of steps, every `evaluate_every` steps and at the end, for evaluation in between.
@@ -143,7 +145,7 @@ def best_start(
     drawn = torch.linspace(0, len(data.pairs) - 1, COMPARED_PAIRS).long().expand(len(draws[0].seeds), -1)
     losses = []
     for models in draws:
-        for _ in train(models, alone, short):
+        for _ in train_latent_spaces(models, alone, short):
             pass  # train to the end
         with torch.no_grad():
             losses.append(autoencoder_losses(models, data, drawn, parameters))
@@ -183,7 +185,7 @@ def learn_from(data: LatentData, parameters: LatentSpaceParameters) -> LatentMod
         actions=data.actions.shape[-1],
     )
     with one_thread():
-        for _ in train(models, data, parameters.training):
+        for _ in train_latent_spaces(models, data, parameters.training):
             pass  # train to the end
     return models.detached()
 

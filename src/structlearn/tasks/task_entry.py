@@ -23,7 +23,7 @@ from structlearn.core.params import checked, merged, read_values, value_at
 from structlearn.core.reading import digest
 from structlearn.core.used_files import remember_value
 from structlearn.readers.source import SourceParameters
-from structlearn.tasks.kinds import defaults, part
+from structlearn.tasks.kinds import kind_defaults, module_of
 from structlearn.tasks.project import ENTRIES, PIPELINE
 from structlearn.tasks.task_files import NAME_RULE, is_name, is_public, local_path
 
@@ -65,7 +65,7 @@ def read_entries(file: Path = ENTRIES) -> dict[str, Entry]:
 def model(file: Path, kind: Any) -> type[SourceParameters]:
     """Model of the entries of a kind. Raises InputError: there is no such kind."""
     try:
-        return part(str(kind), "parameters").Entry
+        return module_of(str(kind), "parameters").Entry
     except InputError as error:
         raise InputError(f"{file}: {error}") from error
 
@@ -85,7 +85,7 @@ def read_task(name: str, file: Path = ENTRIES) -> Any:
     )
     if not isinstance(entry, dict):
         raise InputError(f"{file}: {kind}.{name}: is no mapping of parameters")
-    values = merged(defaults(kind), entry)
+    values = merged(kind_defaults(kind), entry)
     values |= {part: None for part in PARTS if part in values and entry.get(part) is None}
     return checked(values, model(file, kind), file, f"{kind}.{name}")
 

@@ -26,7 +26,7 @@ from structlearn.core.errors import InputError, MissingInputError
 from structlearn.readers import Recording, synchronise
 from structlearn.readers.demonstration import Demonstration, write_streams
 from structlearn.readers.source import ClockParameters, SourceParameters
-from structlearn.tasks.kinds import part
+from structlearn.tasks.kinds import module_of
 from structlearn.tasks.task_files import LEFT_OUT, is_public, leave_out, local_path
 
 BAGS = "bags"
@@ -45,7 +45,7 @@ def import_task(task: SourceParameters, target: Path) -> None:
     with publish(target) as folder:
         folder.mkdir()
         try:
-            part(task.kind, "recordings").write(task, folder, left_out)
+            module_of(task.kind, "recordings").write(task, folder, left_out)
         except InputError as error:
             if not is_public(task.source):
                 raise

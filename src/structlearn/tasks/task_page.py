@@ -10,7 +10,7 @@ from structlearn.reporting.document import Document, Source, Table, environment
 from structlearn.reporting.figure_style import Drawing
 from structlearn.reporting.findings import Findings
 from structlearn.reporting.publishing import publish_report
-from structlearn.tasks.kinds import part
+from structlearn.tasks.kinds import module_of
 from structlearn.tasks.project import ENTRIES
 from structlearn.tasks.section import Section
 from structlearn.tasks.task_entry import read_checked
@@ -40,7 +40,7 @@ def task_page(files: TaskFiles) -> TaskPage:
     """Page of a task."""
     kind, task, absent = files.kind, read_checked(files.parameters), files.absent
     short = kind.rpartition(".")[2]
-    sections = [] if absent else list(_in_place(part(kind, "page"), files))
+    sections = [] if absent else list(_in_place(module_of(kind, "page"), files))
     stages = STAGES | {"recorded": f"import_{short}", short: short}
     sources = {
         name: Source(f"{files.folder}/{name}", f"{stage}@{files.name}") for name, stage in stages.items()

@@ -14,7 +14,7 @@ import rerun as rr
 import rerun.blueprint as rrb
 from pydantic import Field
 
-from dissertation.obstacles.names import DEMONSTRATIONS, FREE, HIT, KINDS, SOURCES, model_name
+from dissertation.obstacles.names import DEMONSTRATIONS, FREE, HIT, KINDS, SOURCES, fitted_name
 from dissertation.obstacles.protocol.avoidance_protocols import NO_MODEL, TRAINED
 from dissertation.obstacles.protocol.unrolled_reaches import Group, SituationKey, of_model, without_avoidance
 from dissertation.obstacles.world.scenarios import Scenario
@@ -245,7 +245,7 @@ def _trained_notes(title: str, origin: str, one: ShownScenario) -> str:
     surface = one.scenario.obstacle.signed_distance
     rows = [
         f"| {1e3 * surface(reach.position).min():.0f} | {1e3 * reach.goal_distance_m:.0f} | "
-        f"{model_name(reach.model, reach.learned_from)} |"
+        f"{fitted_name(reach.model, reach.learned_from)} |"
         for reach in one.reaches
     ]
     people = min(1e3 * surface(person.position).min() for person in one.demonstrations)

@@ -8,7 +8,7 @@ import rerun as rr
 import rerun.blueprint as rrb
 from rerun.components import FillMode
 
-from dissertation.obstacles.names import FREE, HIT, SITUATIONS, SOURCES, model_name
+from dissertation.obstacles.names import FREE, HIT, SITUATIONS, SOURCES, fitted_name
 from dissertation.obstacles.protocol.avoidance_protocols import GOAL_CHANGE, MOVING, PAIR, Situations
 from dissertation.obstacles.protocol.unrolled_reaches import (
     Group,
@@ -85,14 +85,14 @@ def hits_table(groups: Sequence[Group]) -> str:
     """Number of hits of each ensemble and without avoidance, as a Markdown table."""
     counts = {BARE.name: sum(without_avoidance(group).hit for group in groups)}
     for source, its in ensembles_of(groups).items():
-        counts[model_name(ENSEMBLE, source)] = sum(reach.hit for reach in its)
+        counts[fitted_name(ENSEMBLE, source)] = sum(reach.hit for reach in its)
     rows = [f"| {name} | {count} |" for name, count in counts.items()]
     return rrd.table(f"| hits | of {len(groups)} |", rows) + "\n"
 
 
 def ensemble_legend(groups: Sequence[Group]) -> str:
     """Colours of ensembles and spheres, as a Markdown legend."""
-    ensembles = {model_name(ENSEMBLE, source): SOURCES[source].colour for source in ensembles_of(groups)}
+    ensembles = {fitted_name(ENSEMBLE, source): SOURCES[source].colour for source in ensembles_of(groups)}
     return rrd.legend(ensembles | {look.name: look.colour for look in (BARE, HIT, FREE)})
 
 
@@ -130,7 +130,7 @@ def _blueprint(
     beside = rrb.Vertical(closest, rrd.notes_view(SPHERE, name="this sphere"), row_shares=[1, 1])
     stepped = rrb.Horizontal(one, beside, column_shares=[4, 3], name="one by one")
     scenes = [
-        scene_view(model_name(ENSEMBLE, source), [entity("all", source), *around], everything, floor)
+        scene_view(fitted_name(ENSEMBLE, source), [entity("all", source), *around], everything, floor)
         for source in ensembles
     ]
     together = rrb.Horizontal(

@@ -75,7 +75,7 @@ class BoardEnvironment(Bench):
         """Sampling rate of the costs."""
         return self.clock.rate_hz
 
-    def of(self, name: str, networks: Networks) -> "Board":
+    def of(self, name: str, networks: Networks) -> "BoardEnvironment":
         """The board for another primitive, with these networks for the preceding ones."""
         before = [primitive.name for primitive in self.skill.primitives[: self.skill.index(name)]]
         return replace(self, name=name, preceding={one: networks[one] for one in before if one in networks})

@@ -28,7 +28,7 @@ from dissertation.scraping.world.scraping_robot import (
 )
 from structlearn.core.compilation import compiled_inside, cross, numba
 from structlearn.core.params import Parameters
-from structlearn.rigid_body.compiled_chain import Workspace, dynamics, step, workspace
+from structlearn.rigid_body.compiled_chain import ChainState, dynamics, step, workspace
 from structlearn.rigid_body.tree import RobotArrays, robot_arrays
 
 EDGE_POINTS = 11
@@ -77,7 +77,7 @@ class World(NamedTuple):
     """State and model of robot, tool and board; the arrays are updated in place."""
 
     arrays: RobotArrays  # arm, grasp and tool, thirteen joints
-    work: Workspace  # kinematics and dynamics at q and v
+    work: ChainState  # kinematics and dynamics at q and v
     q: np.ndarray  # (13,) positions of arm and grasp joints, rad and m
     v: np.ndarray  # (13,) their velocities
     grasp: np.ndarray  # (2, 6) stiffness and damping of the grasp's joints
@@ -185,7 +185,7 @@ def tool_wrench(load: np.ndarray, hand: np.ndarray, tool: np.ndarray, wrench: np
 
 @numba.njit(cache=True, error_model="numpy")
 def press(
-    work: Workspace,
+    work: ChainState,
     v: np.ndarray,
     board: Board,
     dt: float,

@@ -17,8 +17,8 @@ from structlearn.core.errors import InputError
 from structlearn.readers.demonstration import Stream
 from structlearn.readers.source import JointPose, TransformPose
 from structlearn.rigid_body.urdf import HANDS
-from structlearn.segmentation.motion_runs import FRACTIONS, Motion, pace, runs_of_motion
-from structlearn.tasks.inspection.clocks import Stamps, stamps_of
+from structlearn.segmentation.motion_runs import FRACTIONS, AxisMotion, pace, runs_of_motion
+from structlearn.tasks.inspection.clocks import Stamps, stamp_statistics
 
 # Hz, low-pass of positions before differentiation: as used for finding a movement
 SPEED_HZ = 2.0
@@ -82,7 +82,7 @@ def hand_path(stream: Stream) -> HandPath:
     turned = None
     if (norms > 0.0).all():
         turned = quaternion.interpolate(np.minimum(ticks, time[-1]), time, values[:, 3:] / norms[:, None])
-    return HandPath(dt, position, speed, turned, stamps_of(stream.stamps))
+    return HandPath(dt, position, speed, turned, stamp_statistics(stream.stamps))
 
 
 class HandCandidate(NamedTuple):
@@ -157,7 +157,7 @@ class MotionSurvey(NamedTuple):
 
 def survey_motion(paths: Mapping[str, HandPath]) -> MotionSurvey:
     """Find the runs of motion of demonstrations by name, and their most common number."""
-    moved = [Motion(path.position, path.speed, path.speed, False) for path in paths.values()]
+    moved = [AxisMotion(path.position, path.speed, path.speed, False) for path in paths.values()]
     choices = []
     for (place, fraction), with_short in product(enumerate(FRACTIONS), (True, False)):
         threshold = fraction * pace(moved)

@@ -13,7 +13,7 @@ import yaml
 from structlearn.core.artefacts import publish
 from structlearn.core.errors import printable
 from structlearn.readers.messages import FIELDS
-from structlearn.tasks.inspection.clocks import TopicClocks, stamps_of
+from structlearn.tasks.inspection.clocks import TopicClocks, stamp_statistics
 from structlearn.tasks.inspection.fitness import Answer, fitness
 from structlearn.tasks.inspection.hand_motion import (
     BRIDGE_S,
@@ -34,7 +34,7 @@ RIGHT = (2, 3, 4, 6)  # columns of numbers
 SECONDS_OF_A_YEAR = 3.2e7
 
 
-class Findings(NamedTuple):
+class SourceReport(NamedTuple):
     """Contents of a source, and conclusions."""
 
     seen: SourceSeen
@@ -44,27 +44,27 @@ class Findings(NamedTuple):
     answers: Sequence[Answer]
 
 
-def inspect(source: str, urdf: str | None, output: Path | None) -> None:
+def inspect_source(source: str, urdf: str | None, output: Path | None) -> None:
     """Print a report on a source; publish the proposed entry if `output` is given."""
     found = find_out(source, urdf)
-    print("\n".join(printable(line).rstrip() for line in report(found)))
+    print("\n".join(printable(line).rstrip() for line in report_lines(found)))
     if output is not None and found.proposal is not None:
         with publish(output) as path:
             path.write_text("\n".join(as_yaml(found.proposal)) + "\n", encoding="utf-8")
 
 
-def find_out(source: str, urdf: str | None = None) -> Findings:
+def find_out(source: str, urdf: str | None = None) -> SourceReport:
     """Survey a source (see `look_at`), its motion and fitness, and propose an entry."""
     seen = look_at(source, urdf)
     found = hand_candidates({file.name: file.hands for file in seen.files})
     if not found:
-        return Findings(seen, (), None, None, list(fitness(seen, None, None, ())))
+        return SourceReport(seen, (), None, None, list(fitness(seen, None, None, ())))
     motion = survey_motion(found[0].paths) if found[0].moves else None
     proposal = propose(seen, found[0], found[1:], motion)
-    return Findings(seen, found, motion, proposal, list(fitness(seen, found[0], motion, proposal.read)))
+    return SourceReport(seen, found, motion, proposal, list(fitness(seen, found[0], motion, proposal.read)))
 
 
-def report(found: Findings) -> Iterator[str]:
+def report_lines(found: SourceReport) -> Iterator[str]:
     """Lines of the whole report."""
     seen = found.seen
     yield from (f"{seen.source}: {len(seen.files)} recording{'s' if seen.files[1:] else ''}", "")
@@ -132,7 +132,7 @@ def _file(file: FileSeen) -> Iterator[str]:
         for joints in seen.joints:
             filled = ", ".join(FIELDS[kind] for kind in joints.values) or "nothing that is filled"
             names = ", ".join(joints.names) or "no names"
-            rate = stamps_of(joints.stamps).rate_hz
+            rate = stamp_statistics(joints.stamps).rate_hz
             yield f"  joints in {topic}: {names} ({filled}; {len(joints.stamps)} samples, {rate:.4g} Hz)"
         if seen.fault:
             yield f"  cannot be read: {seen.fault}"

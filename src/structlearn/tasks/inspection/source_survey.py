@@ -19,7 +19,7 @@ from structlearn.readers.raw_messages import RawMessages
 from structlearn.readers.source import JointPose, StampPolicy, TopicMap, TransformPose
 from structlearn.readers.source_files import RecordingFile, recording_files
 from structlearn.rigid_body.urdf import HANDS, counterparts, moving_joints, tips
-from structlearn.tasks.inspection.clocks import Stamps, TopicClocks, stamps_of, topic_clocks
+from structlearn.tasks.inspection.clocks import Stamps, TopicClocks, stamp_statistics, topic_clocks
 from structlearn.tasks.inspection.hand_motion import HandPath, PoseSource, hand_path
 from structlearn.tasks.task_files import local_path
 
@@ -141,7 +141,7 @@ def arm_of(topics: Mapping[str, TopicSeen]) -> tuple[str, JointSeries] | None:
 def _topic_seen(where: str, topic: str, names: tuple[str, ...], messages: RawMessages | None) -> TopicSeen:
     if messages is None:
         return TopicSeen(names, None)
-    clocks = TopicClocks(stamps_of(messages.log_times))
+    clocks = TopicClocks(stamp_statistics(messages.log_times))
     seen = TopicSeen(names, clocks, series=[clocks.own])
     try:
         clocks = topic_clocks(where, messages)
@@ -151,7 +151,7 @@ def _topic_seen(where: str, topic: str, names: tuple[str, ...], messages: RawMes
             seen = seen._replace(joints=joints)
             if joints and mended is None:
                 its = chosen(where, joints, None)[0]
-                seen = seen._replace(series=[stamps_of(one.stamps) for one in its])
+                seen = seen._replace(series=[stamp_statistics(one.stamps) for one in its])
         elif set(names) <= READERS["transforms"].keys():
             found = transform_series(where, messages, AS_THEY_COME)
             seen = seen._replace(links=[found[edge] for edge in sorted(found)])

@@ -17,7 +17,7 @@ from structlearn.rigid_body.dynamics_models import DynamicsModels
 from structlearn.rigid_body.friction import FRICTIONS
 from structlearn.rigid_body.identification import drawn_fits
 from structlearn.rigid_body.log_fitness import current_delays, moving_gains, resting_gains
-from structlearn.rigid_body.motion import Motion, excited, joined, smoothed_motion
+from structlearn.rigid_body.motion import Motion, excited, joined_motions, smoothed_motion
 from structlearn.rigid_body.payload import PayloadLearningParameters, identify_load, learn_payload
 from structlearn.rigid_body.regressor import (
     SYMMETRIC_COLUMNS,
@@ -208,7 +208,7 @@ def _followed(
     parts = [motions[log] for log in (pair[0], parameters.test, pair[1]) if log is not None]
     shared = load.model_dump(include={"structure", "batch", "memory_s", "iterations"})
     payload = PayloadLearningParameters(empty_s=len(parts[0]) * dt, **shared)
-    learned = learn_payload((joined(parts), dt), robot.tree, robot.inertias, payload)
+    learned = learn_payload((joined_motions(parts), dt), robot.tree, robot.inertias, payload)
     ends = dt * np.cumsum([len(part) for part in parts])
     place = np.minimum(np.searchsorted(ends, learned["time_s"]), len(parts) - 1)
     return learned.assign(

@@ -32,9 +32,9 @@ from structlearn.rigid_body.dynamics_training import (
     shuffled_epochs,
 )
 from structlearn.rigid_body.friction import FRICTIONS, friction_columns
-from structlearn.rigid_body.log_fitness import log_fitness, parameter_table
+from structlearn.rigid_body.log_fitness import identified_table, log_fitness
 from structlearn.rigid_body.model_comparison import NETWORKS, TRAIN, Models, NetworkTraining
-from structlearn.rigid_body.motion import Motion, joined, measured_motion
+from structlearn.rigid_body.motion import Motion, joined_motions, measured_motion
 from structlearn.rigid_body.robot import Robot, read_urdf
 from structlearn.rigid_body.tree import KinematicTree, joint_order
 from structlearn.rigid_body.urdf import urdf_path
@@ -62,7 +62,7 @@ THE_LOAD = re.compile(f"{LOAD}$", re.IGNORECASE)
 Pieces = dict[str, list[tuple[str, Motion]]]  # pieces of motions, each with its log, by part
 
 
-def read_arm(parameters: MotionParameters) -> tuple[Robot, Path]:
+def read_task_arm(parameters: MotionParameters) -> tuple[Robot, Path]:
     """Robot with its URDF's inertias, and the URDF's path: a file, or one of `pybullet_data`.
 
     In a public set, the URDF may be in any subfolder.
@@ -99,7 +99,7 @@ def learn_motion(
     if parameters.structures:
         models, tables = _identified(robot, logs, parameters, source, folder)
     else:
-        motion = joined([cut_motion(log, parameters)[0] for log in logs.values()])
+        motion = joined_motions([cut_motion(log, parameters)[0] for log in logs.values()])
         tables = {"gravity": gravity_check(robot, motion, parameters)}
         tables |= drives_and_load.payload_check(robot, motion)
     write_tables(tables, folder)
@@ -151,7 +151,7 @@ def _identified(
         "norms": model_comparison.block_norms(torques, parts, parameters.block),
         "bodies": drives_and_load.body_intervals(robot, parts[TRAIN], judged, parameters),
         "links": model_comparison.body_table(models, robot),
-        "traces": model_comparison.trace_table(torques, first, parts[first], parameters.rate_hz, stride),
+        "traces": model_comparison.torque_traces(torques, first, parts[first], parameters.rate_hz, stride),
         "written": model_comparison.write_identified(source, folder / "identified.urdf", robot, judged),
     }
     for (kind, friction), its in models.items():
@@ -161,7 +161,7 @@ def _identified(
 
 def joined_parts(logs: str, pieces: Pieces, parameters: MotionParameters) -> dict[str, Motion]:
     """Motion of each part: `TRAIN`, the part verdicts are about, others. Raises InputError: too short."""
-    parts = {name: joined([piece for _, piece in its]) for name, its in pieces.items()}
+    parts = {name: joined_motions([piece for _, piece in its]) for name, its in pieces.items()}
     learned_s, tested_s = (len(its) / parameters.rate_hz for its in list(parts.values())[:2])
     if min(map(len, list(parts.values())[:2])) < parameters.block:
         raise InputError(
@@ -184,7 +184,7 @@ def fitness_tables(
         "gravity": gravity_check(robot, motion, parameters),
         "base": pd.DataFrame({"parameter": formulas} | bounds),
         "fitness": log_fitness(robot, stamps, motion, clock_hz, fit, FRICTION),
-        "determined": parameter_table(formulas, fit),
+        "determined": identified_table(formulas, fit),
         "excitation": pd.DataFrame({"condition": [fit.condition], "parameters": [len(base.columns)]}),
     }
 

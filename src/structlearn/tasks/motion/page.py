@@ -24,7 +24,7 @@ from structlearn.tasks.motion.motion_results import (
     motion_findings,
     stated,
 )
-from structlearn.tasks.motion.parameters import BLOCK_S, MotionParameters, read_logs
+from structlearn.tasks.motion.parameters import BLOCK_S, MotionParameters, read_task_logs
 from structlearn.tasks.section import Section
 from structlearn.tasks.shown_tables import shown
 from structlearn.tasks.task_files import ABSENT, TaskFiles
@@ -52,7 +52,7 @@ def dynamics_section(files: TaskFiles) -> Section:
         facts = {"reason": reason.read_text(encoding="utf-8").strip()}
         return Section("unidentified", "The arm's dynamics", facts=facts)
     parameters = files.entry(MotionParameters)
-    first, *_ = read_logs(files.recorded / "logs.parquet", parameters).values()
+    first, *_ = read_task_logs(files.recorded / "logs.parquet", parameters).values()
     tables = files.tables("motion")
     if not parameters.structures:
         return Section(

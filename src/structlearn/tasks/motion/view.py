@@ -11,7 +11,13 @@ import rerun.blueprint as rrb
 from structlearn.palette import BLUE, GREY, LIGHT_GREY, ORANGE
 from structlearn.readers.joint_log import MotionLog
 from structlearn.rigid_body.urdf import moved_link
-from structlearn.tasks.motion.parameters import CARRYING, CENTRE, LoadParameters, MotionParameters, read_logs
+from structlearn.tasks.motion.parameters import (
+    CARRYING,
+    CENTRE,
+    LoadParameters,
+    MotionParameters,
+    read_task_logs,
+)
 from structlearn.tasks.task_files import TaskFiles
 from structlearn.viewer.arm_meshes import (
     arm_contents,
@@ -37,7 +43,7 @@ def write(files: TaskFiles, folder: Path) -> None:
         return
     tables = {name: files.table(f"motion/{name}") for name in ("carried", "motions", "loads")}
     if len(tables["carried"]):
-        logs = read_logs(files.recorded / "logs.parquet", parameters)
+        logs = read_task_logs(files.recorded / "logs.parquet", parameters)
         write_carried(folder / "load.rrd", files.learned / "identified.urdf", tables, logs, parameters.load)
 
 

@@ -42,7 +42,7 @@ LEVEL = "no correction"
 
 
 @dataclass(frozen=True)
-class Feedback:
+class LearnedFeedback:
     """Feedback learned for P primitives, by primitive and axis."""
 
     expected: Mapping[str, VectorPrimitive]  # expected traces by primitive
@@ -61,7 +61,7 @@ def learn_feedback(
     primitives: Sequence[PosePrimitive],
     cutting: SegmentParameters,
     parameters: TaskFeedbackParameters,
-) -> Feedback:
+) -> LearnedFeedback:
     """Learn expected traces from executions, coupling targets from corrections, and networks between them.
 
     Executions are training data too, with target 0: as-expected readings need no correction. Raises
@@ -80,7 +80,7 @@ def learn_feedback(
         levels[name] = level_dataset(executions, nominal[name], traces[name], parameters, LEVEL)
         checks.append(found.assign(primitive=name))
     networks, scores = _learned(datasets, levels, parameters)
-    return Feedback(traces, datasets, networks, pd.concat(checks, ignore_index=True), scores)
+    return LearnedFeedback(traces, datasets, networks, pd.concat(checks, ignore_index=True), scores)
 
 
 def _learned(
@@ -142,7 +142,7 @@ def _scored(network: CouplingModel, dataset: CouplingDataset) -> tuple[float, fl
     return (float(error) if corrected else np.nan), float(target[peak]), float(mean[peak]), rms
 
 
-def feedback_metrics(feedback: Feedback) -> Metrics:
+def feedback_metrics(feedback: LearnedFeedback) -> Metrics:
     """NMSE on what was left out, and displacement commanded without correction, in mm or degrees."""
     found: Metrics = {}
     for (name, axis), its in feedback.scores.groupby(["primitive", "axis"], sort=False):
@@ -158,7 +158,7 @@ def in_view(axis: Axis) -> tuple[float, str]:
     return (float(np.degrees(1.0)), "deg") if turns(axis) else (1e3, "mm")
 
 
-def write_feedback(feedback: Feedback, folder: Path) -> None:
+def write_feedback(feedback: LearnedFeedback, folder: Path) -> None:
     """Write feedback to a folder."""
     networks = []
     for name, traces in feedback.expected.items():
@@ -171,7 +171,7 @@ def write_feedback(feedback: Feedback, folder: Path) -> None:
     write_table(feedback.scores, folder / "scores.parquet")
 
 
-def read_feedback(folder: Path) -> Feedback | None:
+def read_feedback(folder: Path) -> LearnedFeedback | None:
     """Read what `write_feedback` wrote; None if the task has no feedback from sensors."""
     if not (folder / NETWORKS).exists():
         return None
@@ -180,7 +180,7 @@ def read_feedback(folder: Path) -> Feedback | None:
         name, _, axis = key.rpartition(".")
         networks.setdefault(name, {})[AXES[AXES.index(axis)]] = network
     traces = sorted((folder / "expected").glob("*.safetensors"))
-    return Feedback(
+    return LearnedFeedback(
         {path.stem: read_vector_primitive(path) for path in traces},
         {name: from_axes_table(read_table(folder / f"datasets/{name}.parquet")) for name in networks},
         networks,

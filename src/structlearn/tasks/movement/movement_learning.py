@@ -163,7 +163,9 @@ def fit_metrics(reproduction: pd.DataFrame, parameters: FitParameters) -> Metric
     return found
 
 
-def turns(runs: Sequence[Demonstration], primitive: PosePrimitive, parameters: FitParameters) -> pd.DataFrame:
+def turn_errors(
+    runs: Sequence[Demonstration], primitive: PosePrimitive, parameters: FitParameters
+) -> pd.DataFrame:
     """Reproduction of orientations by a primitive learned from each run alone, and by the one from all.
 
     Returns `learned_from`, `compared_with`, `turn_deg` (net rotation of the run), `mean_deg`, `max_deg`,

@@ -75,7 +75,7 @@ def complete(runs: Sequence[Demonstration], completeness: pd.DataFrame) -> list[
     return [one for one in runs if one.name in names]
 
 
-def corrected_runs(
+def runs_with_coupling(
     runs: Sequence[Demonstration], nominal: PositionPrimitive, smoothing_hz: float
 ) -> list[CorrectedRun]:
     """Corrected runs with the coupling term that each requires of the nominal primitive."""

@@ -17,7 +17,7 @@ from structlearn.readers.demonstration import Demonstration
 from structlearn.reporting.document import Table
 from structlearn.reporting.figure_style import SAMPLES, Drawing, legend, panel, styled
 from structlearn.reporting.findings import Findings
-from structlearn.reporting.movement_figures import fit_panel, sequence_figure, space_panels
+from structlearn.reporting.movement_figures import reproduction_panel, sequence_figure, space_panels
 from structlearn.tasks.movement.movement_learning import fit_metrics, learned_cuts
 from structlearn.tasks.movement.parameters import PARTS, MovementEntry
 from structlearn.tasks.section import Section
@@ -43,13 +43,13 @@ def primitives_section(files: TaskFiles) -> Section:
     cuts = learned_cuts(files.segmentation(), own.keep_flagged)
     segments = {name: segment_paths(runs, its, own.fit.smoothing_hz) for name, its in cuts.items()}
     reproduction = files.table("primitives/reproduction").query("regression == @own.fit.regression")
-    errors = summary(reproduction)
+    errors = error_summary(reproduction)
     sequences = {title: files.table(f"primitives/{name}") for name, title in TITLES.items()}
     left_out = errors[errors["demonstrations"] == "left out"]
     told = left_out if len(left_out) else errors
     pictures: dict[str, Drawing | Sequence[Drawing]] = {}
     if own.presegmented in (None, PARTS):
-        pictures["space"] = space_figure(runs, sequences[TITLES["nominal"]])
+        pictures["space"] = sequence_in_space(runs, sequences[TITLES["nominal"]])
         pictures["fit"] = [
             fit_figure(one, place, segments[one.name], runs[0].dt) for place, one in enumerate(primitives)
         ]
@@ -83,7 +83,7 @@ def primitives_section(files: TaskFiles) -> Section:
     return Section("primitives", "Primitives", facts=facts, tables=tables, pictures=pictures, find=find)
 
 
-def summary(reproduction: pd.DataFrame) -> pd.DataFrame:
+def error_summary(reproduction: pd.DataFrame) -> pd.DataFrame:
     """Errors by primitive and variant: means of mean errors, maxima of largest and end errors."""
     keys = zip(reproduction["left_out"], reproduction["scaled"], strict=True)
     named = reproduction.assign(demonstrations=[VARIANTS[key][1] for key in keys])
@@ -114,7 +114,7 @@ def add_distances(
 
 
 @styled
-def space_figure(runs: list[Demonstration], nominal: pd.DataFrame) -> list[Figure]:
+def sequence_in_space(runs: list[Demonstration], nominal: pd.DataFrame) -> list[Figure]:
     """Nominal sequence over all demonstrations, in space."""
     paths = [(one.position, {"color": palette.LIGHT_GREY, "linewidth": 0.8}) for one in runs]
     for place, (name, part) in enumerate(nominal.groupby("primitive", sort=False)):
@@ -128,7 +128,9 @@ def fit_figure(primitive: PosePrimitive, place: int, segments: list[Segment], dt
     """Segments of all demonstrations relative to their goal, with the unrolled primitive."""
     shown = [1e3 * (path.position - path.position[-1]) for path, _ in segments]
     unrolled = 1e3 * (primitive.position.unroll(dt).position - primitive.position.goal)
-    return fit_panel(primitive.name, place, shown, np.asarray(unrolled), [f"{axis} (mm)" for axis in AXES])
+    return reproduction_panel(
+        primitive.name, place, shown, np.asarray(unrolled), [f"{axis} (mm)" for axis in AXES]
+    )
 
 
 @styled

@@ -36,7 +36,7 @@ from structlearn.rigid_body.arm_kinematics import (
     follow,
     link_distances,
     read_arm,
-    read_shapes,
+    read_collision_shapes,
     rest_for,
 )
 from structlearn.rigid_body.urdf import urdf_path
@@ -123,7 +123,7 @@ def _run(
 
 
 def check_skill(skill: ReactiveSkill, parameters: RobotParameters) -> SkillCheck:
-    """Follow all runs of a skill with a robot; if some fail, try changes that may fix them (`changes`).
+    """Follow all runs of a skill with a robot; if some fail, try changes that may fix them (`remedies`).
 
     Raises InputError: the URDF is not usable, the number of bounds does not match the joints, or no joint
     configuration reaches the start.
@@ -137,7 +137,7 @@ def check_skill(skill: ReactiveSkill, parameters: RobotParameters) -> SkillCheck
     else:
         rest = _per_joint(arm, parameters, "rest_configuration")
     try:
-        shapes = read_shapes(arm, parameters.locked_joints, rest)
+        shapes = read_collision_shapes(arm, parameters.locked_joints, rest)
         notes = tuple(f"{pair} touch at rest and are not watched" for pair in shapes.touching)
         notes += tuple(f"what {joint} moves has no collision shape" for joint in shapes.bare)
     except InputError as error:
@@ -156,7 +156,7 @@ def check_skill(skill: ReactiveSkill, parameters: RobotParameters) -> SkillCheck
     named_rest = dict(zip(arm.tree.names, rest.tolist(), strict=True))
     check = SkillCheck(rows_of(runs), named_rest, notes, check_results.NOTHING_TRIED)
     failing, tried = set(check.failing["run"]), []
-    for change, changed, slower in changes(skill, check):
+    for change, changed, slower in remedies(skill, check):
         again = (run for run in unrolls(changed, RATE_HZ, slower) if run.name in failing)
         still = rows_of(in_arm_frames(run, parameters) for run in again)
         left = int(still.loc[still["verdict"] == NO, "run"].nunique())
@@ -166,7 +166,7 @@ def check_skill(skill: ReactiveSkill, parameters: RobotParameters) -> SkillCheck
     return replace(check, tried=pd.DataFrame(tried, columns=check_results.TRIED)) if tried else check
 
 
-def changes(skill: ReactiveSkill, check: SkillCheck) -> Iterator[tuple[str, ReactiveSkill, float]]:
+def remedies(skill: ReactiveSkill, check: SkillCheck) -> Iterator[tuple[str, ReactiveSkill, float]]:
     """Changes that may fix failing runs: description, changed skill, factor on its durations.
 
     Slower if velocity, acceleration or jerk fail; a smaller workspace if starts or goals fail, smaller bounds
@@ -292,5 +292,5 @@ def _worst(
         "unit": units[place],
         "margin": margin,
         "time_s": sample / RATE_HZ,
-        "verdict": check_results.verdict(margin),
+        "verdict": check_results.margin_verdict(margin),
     }

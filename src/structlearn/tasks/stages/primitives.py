@@ -29,7 +29,7 @@ def main(files: TaskFiles) -> None:
     tables = {name: sequence.sequence_table(path, list(cuts)) for name, path in paths.items()}
     tables |= {"reproduction": errors}
     if own.turns:
-        tables["turns"] = learning.turns(runs, primitives[0], own.fit)
+        tables["turns"] = learning.turn_errors(runs, primitives[0], own.fit)
     if own.presegmented == PARTS:
         tables["execution"] = learning.execution_errors(runs, paths["nominal"])
     with publish(files.folder / "primitives") as folder:

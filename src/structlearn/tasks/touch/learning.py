@@ -5,7 +5,7 @@ from pathlib import Path
 from structlearn.primitives.primitive_files import write_vector_primitive
 from structlearn.readers.demonstration import read_streams
 from structlearn.readers.user_tables import read_touch_logs
-from structlearn.tactile.latent_models import write_models
+from structlearn.tactile.latent_models import write_latent_models
 from structlearn.tasks.task_files import TaskFiles, write_tables
 from structlearn.tasks.touch.parameters import TouchParameters
 from structlearn.tasks.touch.skin_protocol import learn_touch
@@ -22,5 +22,5 @@ def learn(files: TaskFiles, folder: Path) -> None:
     else:
         skins, tables = learn_touch(read_touch_logs(files.recorded / "touches.parquet"), parameters)
         for name, one in skins.items():
-            write_models(*one, folder / ("models" if parameters.apart else "") / f"{name}.safetensors")
+            write_latent_models(*one, folder / ("models" if parameters.apart else "") / f"{name}.safetensors")
     write_tables(tables, folder)

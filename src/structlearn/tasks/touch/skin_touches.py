@@ -15,7 +15,15 @@ from structlearn.readers.user_tables import TouchLog
 from structlearn.tactile.geodesics import Geodesics, geodesics
 from structlearn.tactile.latent_models import TrainedTouch
 from structlearn.tactile.latent_training import Pairs, draw_pairs, latent_data, learn_from
-from structlearn.tactile.pressed_skin import PLANE, PressedSkin, drifted, held_out, plate_pairs, seen, walks
+from structlearn.tactile.pressed_skin import (
+    PLANE,
+    PressedSkin,
+    drifted,
+    held_out,
+    plate_pairs,
+    skin_signals,
+    walks,
+)
 from structlearn.tactile.touch_dataset import TEST, TRAIN, Chains, touch_units
 from structlearn.tasks.touch.parameters import TouchParameters
 
@@ -55,7 +63,7 @@ class Touches:
 def _skin(
     counts: np.ndarray, place: np.ndarray, split: np.ndarray, parameters: TouchParameters
 ) -> PressedSkin:
-    signals, pressure = seen(counts, parameters.change, parameters.by_norm)
+    signals, pressure = skin_signals(counts, parameters.change, parameters.by_norm)
     return PressedSkin(signals, pressure, split, place)
 
 
@@ -69,7 +77,7 @@ def gathered(logs: Sequence[TouchLog], parameters: TouchParameters) -> tuple[lis
                 f"{log.name}: its channels ({', '.join(log.channels)}) are not those of {logs[0].name}"
             )
         zeroed = log.counts[air:] - log.counts[:air].mean(axis=0) if air else log.counts
-        touching = seen(zeroed, parameters.change, by_norm=False)[1] >= parameters.touched  # counts
+        touching = skin_signals(zeroed, parameters.change, by_norm=False)[1] >= parameters.touched  # counts
         rows.append((log.name, len(log.counts), int(touching.sum())))
         kept = slice(None) if touching.all() else touching
         counts = zeroed[kept]

@@ -24,7 +24,7 @@ def learn_surfaces(
 ) -> tuple[VectorPrimitive, dict[str, pd.DataFrame]]:
     """Learn expected traces and score every trial: the traces, and tables by name, see the functions."""
     trials = slides_on_clock(recordings, parameters)
-    left_one_out, channels = leave_one_out(trials, parameters)
+    left_one_out, channels = left_out_deviations(trials, parameters)
     expected, deviations, statistics = deviations_from_expected(trials, parameters)
     return expected, {
         "clock_errors": clock_errors(recordings),
@@ -86,7 +86,7 @@ def deviations_from_expected(
     return primitive, deviations, pd.concat(statistics, ignore_index=True)
 
 
-def leave_one_out(
+def left_out_deviations(
     trials: Sequence[Demonstration], parameters: SurfaceParameters
 ) -> tuple[pd.DataFrame, pd.DataFrame]:
     """Deviation of every trial from the traces expected from the other trials over the same material.
