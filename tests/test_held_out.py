@@ -71,7 +71,6 @@ from dissertation.scraping.protocol.feedback_models import (
 from structlearn.avoidance import scene_models
 from structlearn.avoidance.avoidance_dataset import AvoidanceDataParameters
 from structlearn.avoidance.network_training import held_out_rows
-from structlearn.avoidance.scene_folds import learn_past_obstacles
 from structlearn.core.artefacts import write_table
 from structlearn.core.parallel import BACKEND
 from structlearn.feedback.corrected_paths import SAMPLES, corrected_paths, split_demonstrations
@@ -99,15 +98,17 @@ from structlearn.tactile import latent_comparison
 from structlearn.tactile.latent_parameters import LatentParameters
 from structlearn.tactile.pressed_skin import PressedSkin, held_out
 from structlearn.tactile.touch_dataset import TRAIN
-from structlearn.tasks.motion import joint_motion
-from structlearn.tasks.motion.joint_motion import choose_networks, learn_motion
+from structlearn.tasks.motion import learning as motion_learning
+from structlearn.tasks.motion.learning import choose_networks, learn_motion
 from structlearn.tasks.motion.parameters import LEARNED, NetworkChoiceParameters
 from structlearn.tasks.movement import feedback_learning
 from structlearn.tasks.movement.movement_learning import segmented
 from structlearn.tasks.movement.parameters import TaskFeedbackParameters
 from structlearn.tasks.movement.phase_corrections import _split, learn_corrections, runs_with_coupling
+from structlearn.tasks.obstacles.learning import learn_past_obstacles
 from structlearn.tasks.project import STAGES
-from structlearn.tasks.touch import skin_force, skin_protocol, skin_readings, surface_traces
+from structlearn.tasks.touch import learning as touch_learning
+from structlearn.tasks.touch import skin_force, skin_readings, surface_traces
 from structlearn.tasks.touch.skin_touches import learn_skin
 from structlearn.tasks.touch.surface_traces import deviations_from_expected
 from structlearn.tasks.touch.touch_names import MAGNITUDES, NEW_TRIALS
@@ -566,7 +567,7 @@ def coupling_of_samples(monkeypatch, tmp_path):
     return Case(lambda its: learn(its)[1::2], data, tested, trained_on)
 
 
-@of_stage("tasks/obstacles", fits="scene_folds.judge_folds")
+@of_stage("tasks/obstacles", fits="obstacles.judge_folds")
 def reaches_past_boxes(monkeypatch, tmp_path):
     """Of three people, on one of whom constants were chosen: what was learned without the second."""
     boxes = test_tasks_obstacles
@@ -650,8 +651,7 @@ def learned_motion(folder: Path, robot, logs, parameters):
 
 @of_stage(
     "tasks/motion",
-    fits="model_comparison.identify_arm model_comparison._learned joint_motion.fitness_tables "
-    "joint_motion.gravity_check",
+    fits="model_comparison.identify_arm model_comparison._learned motion.fitness_tables motion.gravity_check",
 )
 def arms(monkeypatch, tmp_path):
     """Of the last log, and of the rest of a single one; a filter would reach over borders."""
@@ -715,7 +715,7 @@ def ur10e(monkeypatch, tmp_path):
     return Case(learn, data, changed("test", "trainLoad"), changed("train"))
 
 
-@of_stage("tasks/motion", fits="joint_motion._tried")
+@of_stage("tasks/motion", fits="motion._tried")
 def settings_of_networks(monkeypatch, tmp_path):
     """The end of the training motion chooses among networks of its start."""
     parameters = NetworkChoiceParameters(
@@ -725,7 +725,7 @@ def settings_of_networks(monkeypatch, tmp_path):
     tree, data = arm().tree, motion_with_friction(arm()).part(slice(0, 100))
     learn = each(
         monkeypatch,
-        joint_motion,
+        motion_learning,
         "DynamicsModels",
         lambda its: choose_networks(tree, its, parameters),
     )
@@ -849,7 +849,7 @@ SKIN = committed_entry(
 )
 
 
-@of_stage("tasks/touch", fits="skin_protocol._whole skin_readings.place_errors skin_touches.learn_skin")
+@of_stage("tasks/touch", fits="touch._whole skin_readings.place_errors skin_touches.learn_skin")
 def recorded_skin(monkeypatch, tmp_path):
     """Of one run: without the blocks of a fold, and of the whole beside another run."""
     toy = test_touch_skin
@@ -859,8 +859,10 @@ def recorded_skin(monkeypatch, tmp_path):
     def changed(run, rows):
         return swapped(data, run, with_wobbling(data[run], rows, "counts"))
 
-    learn = each(monkeypatch, skin_readings, "learn_skin", lambda logs: skin_protocol.learn_touch(logs, SKIN))
-    whole = each(monkeypatch, skin_protocol, "learn_skin", learn)
+    learn = each(
+        monkeypatch, skin_readings, "learn_skin", lambda logs: touch_learning.learn_touch(logs, SKIN)
+    )
+    whole = each(monkeypatch, touch_learning, "learn_skin", learn)
     one_block = changed(0, fold == 0)
     yield Case(lambda its: whole(its)[0], data, changed(1, slice(None)), one_block)
     yield Case(lambda its: learn(its)[0], data, one_block, changed(0, fold == 1))

@@ -8,11 +8,11 @@ from scipy.sparse.csgraph import dijkstra
 
 from structlearn.avoidance import look_ahead
 from structlearn.avoidance.features import MIRROR
-from structlearn.avoidance.scene_folds import nearest_path_distance, same_gaps
 from structlearn.avoidance.scene_reaches import SceneLearningParameters
 from structlearn.avoidance.shapes import Obstacle, recorded_obstacle
 from structlearn.core.frames import local_frame
 from structlearn.readers.demonstration import NamedShape
+from structlearn.tasks.obstacles.learning import nearest_path_distance, same_gaps
 
 PARAMETERS = committed(SceneLearningParameters, "defaults.obstacles").look_ahead
 START, GOAL = np.array([0.0, -0.25, 0.8]), np.array([0.02, 0.17, 0.78])

@@ -16,7 +16,7 @@ from structlearn.readers.joint_log import DriveLog
 from structlearn.rigid_body.model_comparison import LEAST_SQUARES
 from structlearn.tasks.motion import parameters as protocol
 from structlearn.tasks.motion.drives_and_load import found_gains
-from structlearn.tasks.motion.joint_motion import CARRIES, learn_motion, logs_that_are_there, read_task_arm
+from structlearn.tasks.motion.learning import CARRIES, learn_motion, logs_that_are_there, read_task_arm
 from structlearn.tasks.motion.motion_results import MotionResults, motion_findings
 from structlearn.tasks.motion.page import motion_facts, motion_tables
 

@@ -8,7 +8,7 @@ from hypothesis import strategies as st
 
 from structlearn.core.signals import minimum_jerk
 from structlearn.readers.demonstration import Demonstration
-from structlearn.segmentation.onsets import movement_ends
+from structlearn.segmentation.crossings import movement_ends
 from structlearn.segmentation.quality import log_dimensionless_jerk, quality, spectral_arc_length
 
 DT = 0.005

@@ -24,7 +24,7 @@ from structlearn.rigid_body.motion import Motion
 from structlearn.rigid_body.regressor import link_parameters, torque_regressor
 from structlearn.rigid_body.robot import Robot, read_urdf
 from structlearn.rigid_body.tree import LinkInertias
-from structlearn.tasks.motion.joint_motion import learn_motion
+from structlearn.tasks.motion.learning import learn_motion
 from structlearn.tasks.motion.parameters import LARGEST_CONDITION, MotionParameters
 
 

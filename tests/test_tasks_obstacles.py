@@ -14,10 +14,9 @@ from dissertation.evidence.claims import read_claims
 from dissertation.recorded.coupling import learning as coupling_representations
 from dissertation.recorded.coupling import page as section
 from dissertation.recorded.readers import coupling_samples
-from structlearn.avoidance import scene_folds, scene_models
+from structlearn.avoidance import scene_models
 from structlearn.avoidance.avoidance_dataset import AvoidanceDataset
 from structlearn.avoidance.features import obstacle_features
-from structlearn.avoidance.scene_folds import ALL_MODELS, MODELS, folds_of_people, learn_past_obstacles
 from structlearn.avoidance.scene_reaches import ONSET_SHARE, SceneLearningParameters, reaches_past_obstacles
 from structlearn.core.errors import InputError, MissingInputError
 from structlearn.core.metrics import wilson_interval
@@ -25,6 +24,8 @@ from structlearn.core.signals import minimum_jerk
 from structlearn.primitives import canonical, kernels
 from structlearn.primitives.position import fit_position
 from structlearn.readers.demonstration import Demonstration, NamedShape
+from structlearn.tasks.obstacles import learning
+from structlearn.tasks.obstacles.learning import ALL_MODELS, MODELS, folds_of_people, learn_past_obstacles
 from structlearn.tasks.obstacles.page import SceneWays, scene_findings, scene_pictures
 
 BOXES = {"walls": ["boundary"], "reaches": {"longest_s": 4.0}}
@@ -70,7 +71,7 @@ def made_up_reaches():
 def made_up_results():
     reaches, left_out = made_up_reaches()
     folds = folds_of_people(reaches, PARAMETERS)
-    return scene_folds.judge_folds(reaches, left_out, folds, PARAMETERS)
+    return learning.judge_folds(reaches, left_out, folds, PARAMETERS)
 
 
 def test_a_reach_begins_at_its_onset_and_ends_at_the_target():
@@ -131,11 +132,11 @@ def test_nobody_is_judged_by_what_was_learned_from_them():
     results = made_up_results()
     assert set(results.reaches["person"]) == {"p1", "p2"}  # p0 is only learned from
     assert results.reaches.groupby("person")["fold"].nunique().eq(1).all()
-    assert results.reaches.groupby("model").size().to_dict() == dict.fromkeys(scene_folds.ALL_MODELS, 6)
+    assert results.reaches.groupby("model").size().to_dict() == dict.fromkeys(learning.ALL_MODELS, 6)
     # pictures are chosen by the scene alone
     assert results.paths["reach"].unique().tolist() == ["p1_0", "p1_2", "p2_0", "p2_2"]
     shuffled = results.reaches.assign(hit=~results.reaches["hit"]).sample(frac=1.0, random_state=0)
-    assert scene_folds.pictured_reaches(shuffled) == ["p1_0", "p1_2", "p2_0", "p2_2"]
+    assert learning.pictured_reaches(shuffled) == ["p1_0", "p1_2", "p2_0", "p2_2"]
 
 
 def test_few_people_are_left_out_one_at_a_time():
@@ -164,9 +165,9 @@ def test_scores_tell_blocked_from_free_and_the_sides():
     assert rows.loc["scene", "left_mm"].max() < 1e3 * scene_models.END_LIMIT_M + 5.0
     reaches, _ = made_up_reaches()
     own = np.array([reach.in_base_frame for reach in reaches])  # who is the same as themselves
-    rows = scene_folds.reach_scores(reaches, own, np.zeros(len(own)), PARAMETERS.hand_radius_m)
+    rows = learning.reach_scores(reaches, own, np.zeros(len(own)), PARAMETERS.hand_radius_m)
     assert (rows["same_gaps"].all(), rows["path_mm"].max()) == (True, 0.0)
-    pairs = scene_folds.beside_each_other(reaches)
+    pairs = learning.beside_each_other(reaches)
     assert len(pairs) == 9  # three scenes, three pairs of people
     assert (pairs["path_mm"].max() < 30.0, pairs["same_gaps"].all()) == (True, True)
 

@@ -16,7 +16,7 @@ from typing import NamedTuple
 from structlearn.core.artefacts import read_description, read_metrics, read_table, read_tensors
 from structlearn.core.errors import InputError
 from structlearn.core.params import read_values
-from structlearn.core.reading import digest as file_digest
+from structlearn.core.used_files import digest as file_digest
 from structlearn.readers.raw_messages import read_bag
 
 SKILL = '{"reactive_skill"'  # start of a skill file's description

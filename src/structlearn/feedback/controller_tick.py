@@ -9,8 +9,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from structlearn.core.compilation import numba
-from structlearn.core.compiled_calls import call
+from structlearn.core.compilation import call, numba
 from structlearn.primitives import orientation, transformation
 from structlearn.primitives.vector import OFFSET_SAMPLES
 

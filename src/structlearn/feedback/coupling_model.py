@@ -22,9 +22,8 @@ from typing import Any, ClassVar, NamedTuple, Self
 import numpy as np
 
 from structlearn.core.artefacts import holding, read_description, read_tensors, write_tensors
-from structlearn.core.compilation import numba
-from structlearn.core.compiled_calls import call
-from structlearn.core.compiled_calls import kernel as kernel  # for networks of one's own
+from structlearn.core.compilation import call, numba
+from structlearn.core.compilation import kernel as kernel  # for networks of one's own
 from structlearn.core.errors import InputError
 from structlearn.feedback import models
 from structlearn.networks.compiled_layers import Array, Layers
@@ -47,7 +46,7 @@ class CouplingModel(ABC):
     c should be 0 where the phase velocity u is 0, so that a movement starts smoothly and ends at its goal.
     """
 
-    kernel: ClassVar[Any]  # compiled forward pass, decorated with `core.compiled_calls.kernel`
+    kernel: ClassVar[Any]  # compiled forward pass, decorated with `core.compilation.kernel`
 
     @property
     @abstractmethod

@@ -18,7 +18,7 @@ from structlearn import __version__
 from structlearn.core.artefacts import holding, read_description, read_tensors, write_tensors
 from structlearn.core.errors import InputError
 from structlearn.core.params import checked
-from structlearn.core.reading import digest
+from structlearn.core.used_files import digest
 from structlearn.feedback.coupling import AXES, unit
 from structlearn.feedback.coupling_model import module_name, named_model
 from structlearn.feedback.skill import FadingParameters, Limits, ReactiveSkill, Workspace

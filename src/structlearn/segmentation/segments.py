@@ -5,7 +5,7 @@ then refined by alignment with the reference. All estimates are kept for compari
 (`zvc`), the samples that time warping assigns to the reference's ends (`dtw`), ordinary (`ls`) and weighted
 (`wls_published`) least squares as printed, and the result, weighted least squares with the crossings as
 additional correspondences (`wls`). Tasks on recorded data replace all crossings by extrapolated onsets
-(`onsets`).
+(`crossings`).
 """
 
 from collections.abc import Sequence

@@ -20,8 +20,7 @@ import yaml
 from structlearn.core.artefacts import publish
 from structlearn.core.errors import InputError
 from structlearn.core.params import checked, merged, read_values, value_at
-from structlearn.core.reading import digest
-from structlearn.core.used_files import remember_value
+from structlearn.core.used_files import digest, remember_value
 from structlearn.readers.source import SourceParameters
 from structlearn.tasks.kinds import kind_defaults, module_of
 from structlearn.tasks.project import ENTRIES, PIPELINE

@@ -38,7 +38,7 @@ from structlearn.rigid_body.urdf import urdf_path
 from structlearn.tasks import project
 from structlearn.tasks.motion.motion_figures import gain_panel, share_panels
 from structlearn.tasks.motion.parameters import MotionParameters
-from structlearn.tasks.shown_tables import shown
+from structlearn.tasks.section import shown
 from structlearn.tasks.task_entry import read_task
 from structlearn.tasks.task_files import local_path
 

@@ -87,7 +87,7 @@ def model_words(key: tuple[str, str]) -> str:
 
 
 class MotionResults(dict[str, pd.DataFrame]):
-    """Tables of `joint_motion.learn_motion`, keyed by name, with derived quantities."""
+    """Tables of `learning.learn_motion`, keyed by name, with derived quantities."""
 
     def __init__(self, tables: Mapping[str, pd.DataFrame], parameters: MotionParameters) -> None:
         super().__init__(tables)

@@ -25,8 +25,7 @@ from structlearn.tasks.motion.motion_results import (
     stated,
 )
 from structlearn.tasks.motion.parameters import BLOCK_S, MotionParameters, read_task_logs
-from structlearn.tasks.section import Section
-from structlearn.tasks.shown_tables import shown
+from structlearn.tasks.section import Section, shown
 from structlearn.tasks.task_files import ABSENT, TaskFiles
 
 # Link parameters shown on the page, with their number formats

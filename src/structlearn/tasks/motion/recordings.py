@@ -21,7 +21,7 @@ def write(task: MotionParameters, folder: Path, left_out: LeftOut) -> None:
 
 def read(folder: Path, entry: MotionParameters, left_out: LeftOut) -> Sequence[JointLog]:
     """Read joint logs, with the joints of the entry's URDF."""
-    from structlearn.tasks.motion.joint_motion import read_task_arm  # slow to load
+    from structlearn.tasks.motion.learning import read_task_arm  # slow to load
 
     robot, _ = read_task_arm(entry)
     in_urdf, recorded = dict(entry.joints), {name: its for its, name in entry.joints}

@@ -16,8 +16,7 @@ from structlearn.reporting.findings import Findings
 from structlearn.tasks.movement.check_results import KINDS, THIN, SkillCheck, overall, read_check
 from structlearn.tasks.movement.feedback_learning import in_view
 from structlearn.tasks.movement.parameters import MovementEntry
-from structlearn.tasks.section import Section
-from structlearn.tasks.shown_tables import shown
+from structlearn.tasks.section import Section, shown
 from structlearn.tasks.task_files import ABSENT, TaskFiles
 
 WORST = ["quantity", "kind", "run", "where", "value", "bound", "unit", "time_s", "margin_share", "verdict"]

@@ -18,8 +18,7 @@ from structlearn.reporting.findings import Findings
 from structlearn.reporting.prose import capitalised, listing
 from structlearn.tasks.movement.feedback_learning import feedback_metrics, in_view, read_feedback
 from structlearn.tasks.movement.parameters import MovementEntry
-from structlearn.tasks.section import Section
-from structlearn.tasks.shown_tables import shown
+from structlearn.tasks.section import Section, shown
 from structlearn.tasks.task_files import TaskFiles
 
 TARGET_SAMPLES = 200

@@ -20,8 +20,7 @@ from structlearn.segmentation.quality import MEASURES, quality
 from structlearn.segmentation.segments import Segmentation
 from structlearn.tasks.movement.movement_learning import cut_metrics
 from structlearn.tasks.movement.parameters import MovementEntry
-from structlearn.tasks.section import Section
-from structlearn.tasks.shown_tables import shown
+from structlearn.tasks.section import Section, shown
 from structlearn.tasks.task_files import TaskFiles
 
 DRAWN = 12  # demonstrations with drawn speed; of more, flagged ones come first

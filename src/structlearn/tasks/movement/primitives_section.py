@@ -20,8 +20,7 @@ from structlearn.reporting.findings import Findings
 from structlearn.reporting.movement_figures import reproduction_panel, sequence_figure, space_panels
 from structlearn.tasks.movement.movement_learning import fit_metrics, learned_cuts
 from structlearn.tasks.movement.parameters import PARTS, MovementEntry
-from structlearn.tasks.section import Section
-from structlearn.tasks.shown_tables import shown
+from structlearn.tasks.section import Section, shown
 from structlearn.tasks.task_files import TaskFiles
 
 TITLES = {"nominal": "Nominal", "generalised": "New situation"}

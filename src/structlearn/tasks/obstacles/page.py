@@ -20,7 +20,7 @@ from structlearn.tasks.obstacles.parameters import ObstacleParameters
 from structlearn.tasks.section import Section
 from structlearn.tasks.task_files import TaskFiles
 
-# models of `avoidance.scene_folds`, repeated as text so that drawing need not import learning code
+# models of `learning`, repeated as text so that drawing need not import learning code
 RECORDED, OURS, PUBLISHED, NONE, PLANNED = "recorded", "scene", "published", "none", "planned"
 LOOKS = {RECORDED: Look("recorded", DEMONSTRATION_COLOUR)} | SCENE_MODELS
 # line widths of the models drawn

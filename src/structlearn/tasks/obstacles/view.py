@@ -44,7 +44,7 @@ def write(files: TaskFiles, folder: Path) -> None:
 def write_reaches_past_obstacles(path: str | Path, tables: Mapping[str, pd.DataFrame], title: str) -> None:
     """Record the reaches shown on the page, one tab per scene.
 
-    `tables`: `paths` and `shapes` of `avoidance.scene_folds.SceneResults`.
+    `tables`: `paths` and `shapes` of `learning.SceneResults`.
     """
     colours = rrd.legend({look.name: look.colour for look in LOOKS.values()})
     with rrd.recording(path, title) as to:

@@ -69,7 +69,7 @@ STROKES_S = 120.0  # duration of the forces drawn
 
 
 class SkinRuns:
-    """Tables of `skin_protocol.learn_touch`; runs are numbered in the order of their names.
+    """Tables of `learning.learn_touch`; runs are numbered in the order of their names.
 
     Samples are blocks of places, presses or trials, averaged over seeds. Touches of a block lie close
     together, so blocks are the closest to independent units that a run has.
@@ -141,7 +141,7 @@ def of_mean(samples: pd.Series) -> Evidence:
     return mean(samples.to_numpy(float)) if len(samples) else unknown(MISSING)
 
 
-def section(files: TaskFiles) -> Section:
+def skin_section(files: TaskFiles) -> Section:
     """Section of a task whose touches are of a skin at known places."""
     parameters = files.entry(TouchParameters)
     runs = SkinRuns(files.tables("touch"), parameters.tuned_on)
