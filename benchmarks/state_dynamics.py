@@ -12,9 +12,10 @@ import numpy as np
 from arm_motions import IIWA, SAMPLES, iiwa, relative_error
 from timing import Case, Contender
 
+from dissertation.simulation import compiled_chain
+from dissertation.simulation.compiled_chain import ChainState
 from structlearn.core.compilation import numba
-from structlearn.rigid_body import compiled_chain, compiled_dynamics
-from structlearn.rigid_body.compiled_chain import ChainState
+from structlearn.rigid_body import compiled_dynamics
 from structlearn.rigid_body.robot import Robot
 from structlearn.rigid_body.tree import RobotArrays, robot_arrays
 

@@ -20,6 +20,7 @@ from dissertation.scraping.world.scraping_world import World, load
 from dissertation.scraping.world.testbed import TestbedParameters
 from dissertation.simulation.arm import ArmParameters
 from dissertation.simulation.bullet_arm import BulletArm, differences
+from dissertation.simulation.compiled_chain import kinematics
 from structlearn.core.artefacts import write_csv
 from structlearn.core.params import Population
 from structlearn.core.stage import run, stage_parameters
@@ -27,7 +28,6 @@ from structlearn.feedback.skill import ReactiveSkill
 from structlearn.primitives.primitive_files import read_primitives
 from structlearn.readers.demonstration import Recording
 from structlearn.readers.joint_log import JointLog
-from structlearn.rigid_body.compiled_chain import kinematics
 
 COMPARED_S = 8.0
 """Duration of the compared part of a joint log: all joints move in it, some reverse."""

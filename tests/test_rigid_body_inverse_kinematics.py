@@ -12,10 +12,10 @@ from dissertation.dynamics.world.operational_space import (
     joint_reference,
     tool_motion,
 )
+from dissertation.simulation import compiled_chain
 from structlearn.core import quaternion
 from structlearn.core.errors import InputError
 from structlearn.core.signals import minimum_jerk
-from structlearn.rigid_body import compiled_chain
 from structlearn.rigid_body.arm_kinematics import (
     Follower,
     follow,

@@ -14,8 +14,8 @@ Cholesky factorisation.
 
 import numpy as np
 
+from dissertation.simulation.compiled_chain import ChainState, factorise, solve
 from structlearn.core.compilation import compiled_inside, numba
-from structlearn.rigid_body.compiled_chain import ChainState, factorise, solve
 
 TIE = 1e-9
 """Relative excess of force at which a held joint starts to slide, so that rounding cannot cause cycles."""

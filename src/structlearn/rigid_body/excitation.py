@@ -155,7 +155,7 @@ def limited_motion(problem: DesignProblem, free: np.ndarray, rate_hz: float) -> 
         torque = torque_regressor(problem.tree, *states)[..., problem.base.columns] @ problem.theta
         if np.all(np.abs(torque) <= problem.share * problem.effort):
             return times, Motion(*states, torque)
-    raise InputError("the arm's torque limits are exceeded by problem own weight, however slowly it moves")
+    raise InputError("the arm's torque limits are exceeded by its own weight, however slowly it moves")
 
 
 def parameter_errors(

@@ -11,8 +11,8 @@ import numpy as np
 from dissertation.dynamics.world.operational_space import VelocityControl, joint_reference
 from dissertation.simulation.arm import Mechanics, Payload, carrying
 from dissertation.simulation.compiled_arm import step_arm
+from dissertation.simulation.compiled_chain import ChainState, dynamics, workspace
 from structlearn.core.compilation import compiled_inside, numba
-from structlearn.rigid_body.compiled_chain import ChainState, dynamics, workspace
 from structlearn.rigid_body.compiled_dynamics import InverseDynamics, model_torques
 from structlearn.rigid_body.robot import Robot
 from structlearn.rigid_body.tree import RobotArrays, robot_arrays

@@ -17,9 +17,9 @@ from typing import NamedTuple
 import numpy as np
 from pydantic import Field
 
+from dissertation.simulation.compiled_chain import ChainState, factorise, kinematics, solve, workspace
 from structlearn.core.compilation import compiled_inside, cross, numba
 from structlearn.core.params import Parameters
-from structlearn.rigid_body.compiled_chain import ChainState, factorise, kinematics, solve, workspace
 from structlearn.rigid_body.tree import KinematicTree, LinkInertias, RobotArrays, robot_arrays
 
 DAMPING = 1e-6  # m^2; keeps the Jacobian's pseudo-inverse finite when the arm is stretched out

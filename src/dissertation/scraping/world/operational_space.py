@@ -11,8 +11,8 @@ from typing import NamedTuple
 
 import numpy as np
 
+from dissertation.simulation.compiled_chain import ChainState, dynamics, factorise, solve, workspace
 from structlearn.core.compilation import cross, numba
-from structlearn.rigid_body.compiled_chain import ChainState, dynamics, factorise, solve, workspace
 from structlearn.rigid_body.robot import Robot
 from structlearn.rigid_body.tree import RobotArrays, robot_arrays
 

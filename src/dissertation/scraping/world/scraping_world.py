@@ -1,7 +1,7 @@
 """Physical simulation of the scraping testbed: torques in, motion and contact out.
 
 Forces of the grasp's springs and of the contact between edge and board are computed here and enter as joint
-torques. The robot's motion is integrated by `rigid_body.compiled_chain`, or by PyBullet
+torques. The robot's motion is integrated by `simulation.compiled_chain`, or by PyBullet
 (`stages/engines.py`), which takes ten times as long and agrees. Everything is deterministic: the same torques
 give the same bits.
 
@@ -26,9 +26,9 @@ from dissertation.scraping.world.scraping_robot import (
     TOOL_CENTRE_M,
     TOOL_KG,
 )
+from dissertation.simulation.compiled_chain import ChainState, dynamics, step, workspace
 from structlearn.core.compilation import compiled_inside, cross, numba
 from structlearn.core.params import Parameters
-from structlearn.rigid_body.compiled_chain import ChainState, dynamics, step, workspace
 from structlearn.rigid_body.tree import RobotArrays, robot_arrays
 
 EDGE_POINTS = 11
