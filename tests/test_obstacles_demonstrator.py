@@ -311,7 +311,7 @@ def test_bad_demonstrations_and_clouds_are_refused(primitive, sets):
     short = Demonstration("short", np.arange(4) / 25, np.zeros((4, 3)))
     with pytest.raises(InputError, match="short: 4 samples are too few for a reach"):
         samples(short, scenario.obstacle.cloud(), primitive, PARAMETERS)
-    with pytest.raises(InputError, match="has no points"):
+    with pytest.raises(ValueError, match="has no points"):
         samples(demonstration, np.empty((0, 3)), primitive, PARAMETERS)
     with pytest.raises(InputError, match="there are no demonstrations"):
         avoidance_dataset([], primitive, PARAMETERS)

@@ -28,7 +28,6 @@ from structlearn.avoidance.postprocessing import (
     post_processed,
 )
 from structlearn.avoidance.shapes import constant_velocity
-from structlearn.core.errors import InputError
 from structlearn.primitives import canonical, transformation
 
 PRIMITIVE = baseline()
@@ -160,7 +159,7 @@ def test_a_change_of_goal_adds_the_step_response_of_a_triple_pole():
 )
 def test_bad_input_is_refused_with_a_message(options, message):
     arguments = {"model": no_coupling, "obstacles": [spheres([[0.3, 0.1, 0.0]])], "dt": DT} | options
-    with pytest.raises(InputError, match=message):
+    with pytest.raises(ValueError, match=message):
         unroll(PRIMITIVE, **arguments)
 
 

@@ -76,13 +76,13 @@ def unroll_avoiding(
     Feedback begins at the second sample: at the first, the initial goal (eq. IV.12) would absorb it and
     return it with the opposite sign. `obstacles`: in the local frames; `dt`: s; `starts`, `goals` (B, 3) or
     (3,) m, base frame, and `duration` in s, default: the primitive's; `until_factor`: end of the path in
-    durations; `goal_change`: frame and forcing term remain those of the first goals. Raises InputError: no
+    durations; `goal_change`: frame and forcing term remain those of the first goals. Raises ValueError: no
     obstacle, batches of different sizes, a reach without a local frame, a goal change outside the movement,
     or a model that returns another shape or NaN.
     """
     sizes = {len(obstacle.points) for obstacle in obstacles}
     if len(sizes) != 1:
-        raise InputError(
+        raise ValueError(
             f"obstacles must come for one number of scenarios, are for {sorted(sizes) or 'none'}"
         )
     batch = sizes.pop()
@@ -176,7 +176,7 @@ class _Feedback:
         seen = obstacle_features(x - moved, xd - velocity, self._tau, obstacle.points, obstacle.centre)
         wanted = np.asarray(self._model(seen, self._phase[0][k], self._phase[1][k]))
         if wanted.shape != x.shape or not np.isfinite(wanted).all():
-            raise InputError(
+            raise ValueError(
                 f"the avoidance model returned {wanted.shape} at sample {k}, wanted are finite {x.shape}"
             )
         at, goal_x = x[:, 0] - moved[:, 0], goal[:, 0] - moved[:, 0]

@@ -20,7 +20,6 @@ from pydantic import Field
 from structlearn.avoidance.features import MIRROR
 from structlearn.avoidance.shapes import Obstacle
 from structlearn.core.compilation import numba
-from structlearn.core.errors import InputError
 from structlearn.core.params import Parameters
 
 CELL_M = 0.01  # of the grid: a clearance is several cells wide
@@ -75,11 +74,11 @@ def scene_cost_to_go(
 ) -> CostToGo:
     """Cost-to-go past all shapes in the horizontal plane halfway up the reach, base frame.
 
-    The grid covers `start` and `goal`, (3,) m. Raises InputError: one of them is not finite.
+    The grid covers `start` and `goal`, (3,) m. Raises ValueError: one of them is not finite.
     """
     ends = np.array([start, goal], dtype=float)
     if not np.isfinite(ends).all():
-        raise InputError(f"start and goal of a look-ahead must be finite, are {ends.tolist()}")
+        raise ValueError(f"start and goal of a look-ahead must be finite, are {ends.tolist()}")
     corners = [
         shape.centre + side * np.abs(shape.rotation) @ shape.half_size for shape in shapes for side in (-1, 1)
     ]

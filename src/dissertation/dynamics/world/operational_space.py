@@ -8,7 +8,7 @@ tool gives a joint velocity and, differentiated, a joint acceleration, and inver
     tau = f_ID(q, qd, qdd_r) + D (qd_r - qd)
 
 D is the robot's joint damping, the same for all models. The scraping robot has a force-based controller,
-`testbeds.scraping.world.operational_space`.
+`dissertation.scraping.world.operational_space`.
 """
 
 from collections.abc import Sequence
