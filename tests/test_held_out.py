@@ -89,7 +89,7 @@ from structlearn.primitives.position import fit_position
 from structlearn.primitives.trajectory import differentiated
 from structlearn.readers.demonstration import Demonstration
 from structlearn.readers.joint_log import DriveLog
-from structlearn.readers.user_tables import TouchLog
+from structlearn.readers.touch_log import TouchLog
 from structlearn.rigid_body.dynamics_training import LearningParameters
 from structlearn.rigid_body.motion import Motion
 from structlearn.rigid_body.payload import PayloadLearningParameters, learn_payload

@@ -12,7 +12,7 @@ from viewer_files import contents, note
 
 from structlearn.core.errors import MissingInputError
 from structlearn.palette import PLATE_CORNERS, place_colours
-from structlearn.readers.user_tables import TouchLog
+from structlearn.readers.touch_log import TouchLog
 from structlearn.tactile.pressed_skin import held_out
 from structlearn.tasks.touch import skin_force, skin_readings
 from structlearn.tasks.touch import touch_names as names

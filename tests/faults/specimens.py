@@ -34,7 +34,7 @@ from structlearn.readers.demonstration import NamedShape
 from structlearn.readers.foreign_tables import read_stamped_table
 from structlearn.readers.joint_log import DriveLog, JointLog, read_log_table, signals_of, write_log_table
 from structlearn.readers.lerobot import read_movement
-from structlearn.readers.user_tables import read_touch_table
+from structlearn.readers.touch_log import read_touch_table
 from structlearn.rigid_body.robot import read_urdf
 from structlearn.segmentation.parameters import SegmentParameters
 from structlearn.tasks.task_entry import read_task

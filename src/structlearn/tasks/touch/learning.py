@@ -11,7 +11,7 @@ from threadpoolctl import threadpool_limits
 from structlearn.core.parallel import parallel_map
 from structlearn.primitives.primitive_files import write_vector_primitive
 from structlearn.readers.demonstration import read_streams
-from structlearn.readers.user_tables import TouchLog, read_touch_logs
+from structlearn.readers.touch_log import TouchLog, read_touch_logs
 from structlearn.tactile.latent_models import TrainedTouch, write_latent_models
 from structlearn.tactile.latent_parameters import STRUCTURES, InverseModel
 from structlearn.tactile.pressed_skin import PLANE, STEP_S, PressedSkin, servo_on_table

@@ -13,7 +13,7 @@ import pandas as pd
 
 from structlearn.core.errors import InputError
 from structlearn.core.parallel import parallel_map
-from structlearn.readers.user_tables import TouchLog
+from structlearn.readers.touch_log import TouchLog
 from structlearn.tasks.touch.parameters import ForceParameters
 from structlearn.tasks.touch.skin_readings import gaussian_process, polynomial
 from structlearn.tasks.touch.touch_names import NEW_PRESSES, NEW_RUN, PRESSURE, PROCESS, QUADRATIC

@@ -10,7 +10,7 @@ import numpy as np
 import pandas as pd
 
 from structlearn.networks.torch_settings import as_tensor
-from structlearn.readers.user_tables import TouchLog
+from structlearn.readers.touch_log import TouchLog
 from structlearn.tactile.electrodes import align_map
 from structlearn.tactile.latent_models import TrainedTouch
 from structlearn.tactile.latent_training import Pairs

@@ -11,7 +11,7 @@ import numpy as np
 import pandas as pd
 
 from structlearn.core.errors import InputError, MissingInputError
-from structlearn.readers.user_tables import TouchLog
+from structlearn.readers.touch_log import TouchLog
 from structlearn.tactile.geodesics import Geodesics, geodesics
 from structlearn.tactile.latent_models import TrainedTouch
 from structlearn.tactile.latent_training import Pairs, draw_pairs, latent_data, learn_from
