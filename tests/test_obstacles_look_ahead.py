@@ -32,10 +32,10 @@ def test_in_the_open_the_cost_is_the_distance():
     points = np.random.default_rng(0).uniform([0.0, -0.25], [0.02, 0.15], (200, 2))
     straight = np.linalg.norm(points - GOAL[:2], axis=1)
     assert np.abs(scene.at(points) - straight).max() < 0.5 * look_ahead.CELL_M
-    ways = scene.ways(points[:20], [0.05, 5.0])
-    assert np.allclose(ways[:, 1], GOAL[:2], atol=1e-9)
+    paths = scene.paths(points[:20], [0.05, 5.0])
+    assert np.allclose(paths[:, 1], GOAL[:2], atol=1e-9)
     there = np.minimum(0.05 / straight[:20], 1.0)[:, None]
-    assert np.abs(ways[:, 0] - (points[:20] + there * (GOAL[:2] - points[:20]))).max() < 0.01
+    assert np.abs(paths[:, 0] - (points[:20] + there * (GOAL[:2] - points[:20]))).max() < 0.01
 
 
 def test_costs_are_those_of_the_cheapest_ways_on_a_graph():
@@ -65,13 +65,13 @@ def test_costs_are_those_of_the_cheapest_ways_on_a_graph():
 
 def test_the_way_leads_through_the_gap_and_keeps_clear():
     scene = look_ahead.scene_cost_to_go(WALL, START, GOAL, PARAMETERS)
-    way = scene.ways(START[None, :2], np.arange(0.005, 1.0, 0.005))[0]
-    assert np.allclose(way[-1], GOAL[:2])
-    crossing = way[np.abs(way[:, 1] + 0.05).argmin(), 0]
+    path = scene.paths(START[None, :2], np.arange(0.005, 1.0, 0.005))[0]
+    assert np.allclose(path[-1], GOAL[:2])
+    crossing = path[np.abs(path[:, 1] + 0.05).argmin(), 0]
     assert abs(crossing - 0.12) < 0.02
-    at = np.column_stack([way, np.full(len(way), 0.79)])
+    at = np.column_stack([path, np.full(len(path), 0.79)])
     assert look_ahead.nearest_distance(WALL, at).min() > 0.025
-    steps = np.linalg.norm(np.diff(way, axis=0), axis=1)
+    steps = np.linalg.norm(np.diff(path, axis=0), axis=1)
     assert steps.max() < 0.00501  # distances are along the way
 
 
@@ -118,8 +118,8 @@ def test_round_and_turned_shapes_are_in_the_way_too():
     assert lying.signed_distance(np.array([0.0, 0.04, 0.79])) < 0  # it now extends along y
     for shape in (lying, Obstacle("cylinder", np.array([0.0, -0.05, 0.79]), np.array([0.04, 0.04, 0.1]))):
         scene = look_ahead.scene_cost_to_go([shape], START, GOAL, PARAMETERS)
-        way = scene.ways(START[None, :2], np.arange(0.01, 1.0, 0.01))[0]
-        at = np.column_stack([way, np.full(len(way), 0.79)])
+        path = scene.paths(START[None, :2], np.arange(0.01, 1.0, 0.01))[0]
+        at = np.column_stack([path, np.full(len(path), 0.79)])
         assert shape.signed_distance(at).min() > 0.03
     above = Obstacle("sphere", np.array([0.01, -0.05, 1.5]), np.full(3, 0.05))
     scene = look_ahead.scene_cost_to_go([above], START, GOAL, PARAMETERS)

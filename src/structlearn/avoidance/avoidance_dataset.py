@@ -41,9 +41,8 @@ class AvoidanceDataParameters(Parameters):
 class AvoidanceDataset:
     """Samples of demonstrations in several scenarios."""
 
-    features: (
-        np.ndarray
-    )  # (S, 17) for one obstacle (`obstacle_features`), or (S, F) for a scene (`look_ahead`)
+    # (S, 17) for one obstacle (`obstacle_features`), or (S, F) for a scene (`look_ahead`)
+    features: np.ndarray
     target: np.ndarray  # (S, 3) coupling term in the local frame
     phase: np.ndarray  # (S,) p
     phase_velocity: np.ndarray  # (S,) u
@@ -67,7 +66,7 @@ def fit_baseline(
     Raises InputError: the reach is too short to have a direction, or a demonstration too short to
     differentiate.
     """
-    primitive = fit_position([smooth_path(one, parameters) for one in demonstrations])
+    primitive = fit_position([smooth_path(demonstration, parameters) for demonstration in demonstrations])
     if primitive.frame == "world":
         length = np.linalg.norm(primitive.goal - primitive.start)
         raise InputError(f"the baseline's reach of {length:g} m is too short to have a direction")
@@ -130,9 +129,9 @@ def avoidance_dataset(
     Raises InputError: as `samples`, or there are no demonstrations.
     """
     parts = [
-        samples(one, obstacle.cloud(parameters.cloud_count), baseline, parameters, place, number)
+        samples(demonstration, obstacle.cloud(parameters.cloud_count), baseline, parameters, place, number)
         for place, (obstacle, demonstrations) in enumerate(sets)
-        for number, one in enumerate(demonstrations)
+        for number, demonstration in enumerate(demonstrations)
     ]
     if not parts:
         raise InputError("there are no demonstrations past obstacles")

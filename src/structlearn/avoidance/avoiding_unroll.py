@@ -205,5 +205,5 @@ def _change_sample(change: GoalChange, time: np.ndarray) -> int:
 
 def _joined(path: Trajectory, rest: Trajectory, time: np.ndarray) -> Trajectory:
     """Concatenate two segments (B, T_i, 3); the second begins with the last sample of the first."""
-    pieces = zip(*([one.position, one.velocity, one.acceleration] for one in (path, rest)), strict=True)
+    pieces = zip(*([part.position, part.velocity, part.acceleration] for part in (path, rest)), strict=True)
     return Trajectory(time, *(np.concatenate([first, then[:, 1:]], axis=1) for first, then in pieces))

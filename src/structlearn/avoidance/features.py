@@ -71,14 +71,14 @@ def displaced(features: np.ndarray, position: np.ndarray, scaled_velocity: np.nd
 
     The three closest points are assumed to stay the same.
     """
-    found = np.array(features, dtype=float)
-    found[..., TO_CENTRE] -= position
-    found[..., TO_POINTS] -= np.repeat(position, CLOSEST_POINTS, axis=-1)
-    found[..., SCALED_VELOCITY] += scaled_velocity
-    found[..., CENTRE_DISTANCE] = _norm(found[..., TO_CENTRE])
-    nearest = found[..., TO_POINTS][..., ::CLOSEST_POINTS]
-    found[..., APPROACH_COSINE] = _cosine(found[..., SCALED_VELOCITY], nearest)
-    return found
+    values = np.array(features, dtype=float)
+    values[..., TO_CENTRE] -= position
+    values[..., TO_POINTS] -= np.repeat(position, CLOSEST_POINTS, axis=-1)
+    values[..., SCALED_VELOCITY] += scaled_velocity
+    values[..., CENTRE_DISTANCE] = _norm(values[..., TO_CENTRE])
+    nearest = values[..., TO_POINTS][..., ::CLOSEST_POINTS]
+    values[..., APPROACH_COSINE] = _cosine(values[..., SCALED_VELOCITY], nearest)
+    return values
 
 
 def closest_distance(position: np.ndarray, cloud: np.ndarray) -> np.ndarray:

@@ -64,8 +64,8 @@ def train_phase_modulated(
         for target in dataset.target.T
     ]
     fold = without_generalization(per_axis[0], parameters.chunk_samples, parameters.seed)
-    trained = pmnn.train([(one, fold) for one in per_axis], parameters, hidden)
-    return PhaseModulatedAvoidance(tuple(one.models["validation"] for one in trained))
+    trained = pmnn.train([(samples, fold) for samples in per_axis], parameters, hidden)
+    return PhaseModulatedAvoidance(tuple(result.models["validation"] for result in trained))
 
 
 def write_phase_modulated(models: Mapping[str, PhaseModulatedAvoidance], path: str | Path) -> None:

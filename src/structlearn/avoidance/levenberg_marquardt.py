@@ -257,10 +257,10 @@ def _accepted_step(
         except LinAlgError:
             damping *= DAMPING_FACTOR
             continue
-        found = weights - cho_solve(factor, right, check_finite=False)
-        error = squared_error(_layers(found, shapes), samples)
-        if prior.objective(found, error) < objective:
-            return found, error, max(damping / DAMPING_FACTOR, SMALLEST_DAMPING)
+        proposal = weights - cho_solve(factor, right, check_finite=False)
+        error = squared_error(_layers(proposal, shapes), samples)
+        if prior.objective(proposal, error) < objective:
+            return proposal, error, max(damping / DAMPING_FACTOR, SMALLEST_DAMPING)
         damping *= DAMPING_FACTOR
     return None
 

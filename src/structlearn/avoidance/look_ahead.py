@@ -49,15 +49,15 @@ class CostToGo:
     cost: np.ndarray  # (X, Y) cost-to-go at the cells' centres, in m of free path
     direction: np.ndarray  # (X, Y, 2) unit vectors of steepest descent, 0 at the goal
 
-    def ways(self, points: np.ndarray, ahead: Sequence[float] | np.ndarray) -> np.ndarray:
+    def paths(self, points: np.ndarray, ahead: Sequence[float] | np.ndarray) -> np.ndarray:
         """Points (N, L, 2) m on the cheapest paths from points (N, 2), at rising distances `ahead` (L,) m.
 
         A path ends at the goal; outside the grid, values are those at its edge.
         """
-        found = np.empty((len(points), len(ahead), 2))
+        values = np.empty((len(points), len(ahead), 2))
         grid = (self.origin, self.cell, self.goal, self.direction)
-        _follow(*grid, np.asarray(points, dtype=float), np.asarray(ahead, dtype=float), found)
-        return found
+        _follow(*grid, np.asarray(points, dtype=float), np.asarray(ahead, dtype=float), values)
+        return values
 
     def at(self, points: np.ndarray) -> np.ndarray:
         """Cost-to-go (N,) at points (N, 2), by bilinear interpolation."""
@@ -122,7 +122,7 @@ def scene_features(
     the hand.
     """
     here = (position @ frame.T + start)[:, :2]
-    relative = scene.ways(here, AHEAD_M) - here[:, None]  # horizontal: no z in the base frame
+    relative = scene.paths(here, AHEAD_M) - here[:, None]  # horizontal: no z in the base frame
     led = (relative @ frame[:2])[..., :2].reshape(len(position), -1)
     excess = scene.at(here) - np.linalg.norm(scene.goal - here, axis=1)
     return np.column_stack([led, excess, goal - position, scaled_velocity, position[:, 1:]])
@@ -190,7 +190,7 @@ def _follow(
     direction: np.ndarray,
     points: np.ndarray,
     ahead: np.ndarray,
-    found: np.ndarray,
+    values: np.ndarray,
 ) -> None:
     """Write the points (N, L, 2) at distances `ahead` along the steepest descent."""
     rows, columns = direction.shape[:2]
@@ -221,4 +221,4 @@ def _follow(
                     x += step * along / length
                     y += step * across / length
                 gone += step
-            found[n, k, 0], found[n, k, 1] = x, y
+            values[n, k, 0], values[n, k, 1] = x, y

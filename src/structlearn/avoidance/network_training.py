@@ -92,13 +92,13 @@ def fit_networks(
     Raises InputError: the target of an axis is constant, or there are too few samples.
     """
     work = [
-        (one, parameters, (place, member))
-        for place, one in enumerate(datasets)
+        (samples, parameters, (place, member))
+        for place, samples in enumerate(datasets)
         for member in range(parameters.members)
     ]
     layers = parallel_map(trained_member, work, description)
     members = np.array_split(np.arange(len(work)), len(datasets))
-    means = [avoidance_network.averaged([layers[index] for index in its]) for its in members]
+    means = [avoidance_network.averaged([layers[index] for index in indices]) for indices in members]
     return stacked(means, datasets, parameters)
 
 
@@ -120,8 +120,8 @@ def stacked(
 ) -> AvoidanceNetworks:
     """Stack of networks of `train_member`, or of their means, each with its training dataset."""
     columns = seen_columns(parameters.inputs, datasets[0].features.shape[1])
-    ranges = [avoidance_network.input_range(_inputs(one, columns)) for one in datasets]
-    targets = [one.target for one in datasets]
+    ranges = [avoidance_network.input_range(_inputs(samples, columns)) for samples in datasets]
+    targets = [samples.target for samples in datasets]
     return AvoidanceNetworks(
         columns=np.array(columns),
         input_low=np.array([low for low, _ in ranges]),
@@ -184,8 +184,8 @@ def fit_errors(dataset: AvoidanceDataset, test: np.ndarray, model: CouplingModel
     """
     axis, rows = dominant_axis(dataset) if len(np.unique(dataset.scenario)) == 1 else None, []
     for part, chosen in (("train", ~test), ("test", test)):
-        its = dataset.where(chosen)
-        found = nmse(model(its.features, its.phase, its.phase_velocity), its.target)
+        tested = dataset.where(chosen)
+        found = nmse(model(tested.features, tested.phase, tested.phase_velocity), tested.target)
         errors = {f"nmse_{name}": value for name, value in zip(AXES, found, strict=True)}
         dominant = found[AXES.index(axis)] if axis else np.nan
         errors |= {"nmse": found.mean(), "dominant": axis or "", "nmse_dominant": dominant}
@@ -203,9 +203,11 @@ def dominant_axis(dataset: AvoidanceDataset) -> str | None:
     fractions = np.linspace(0.0, 1.0, COURSE_SAMPLES)
     courses = []  # per demonstration the targets (COURSE_SAMPLES, 2) along y and z in normalised time
     for number in np.unique(dataset.demonstration):
-        its = dataset.where(dataset.demonstration == number)
-        time = its.time / its.time[-1]
-        courses.append(np.stack([np.interp(fractions, time, one) for one in its.target.T[1:]], axis=1))
+        samples = dataset.where(dataset.demonstration == number)
+        time = samples.time / samples.time[-1]
+        courses.append(
+            np.stack([np.interp(fractions, time, column) for column in samples.target.T[1:]], axis=1)
+        )
     mean = np.mean(courses, axis=0)
     size = np.sqrt(np.mean(mean**2, axis=0))
     noise = np.sqrt(np.mean((courses - mean) ** 2, axis=(0, 1)))

@@ -58,7 +58,7 @@ class Scenes:
     frame: np.ndarray  # (B, 3, 3) local to base
     goal: np.ndarray  # (B, 3) m, local frame
     clouds: np.ndarray  # (B, O, P, 3) m, local frame, surface points; scenes with fewer obstacles repeat one
-    ways: Sequence[CostToGo]  # one per scene
+    costs_to_go: Sequence[CostToGo]  # one per scene
 
     def __len__(self) -> int:
         return len(self.start)
@@ -66,12 +66,12 @@ class Scenes:
     def take(self, places: Sequence[int]) -> Self:
         """Scenes of the given indices, which may repeat."""
         arrays = (self.start[places], self.frame[places], self.goal[places], self.clouds[places])
-        return type(self)(*arrays, [self.ways[place] for place in places])
+        return type(self)(*arrays, [self.costs_to_go[place] for place in places])
 
     def features(self, scene: int, position: np.ndarray, scaled_velocity: np.ndarray) -> np.ndarray:
         """`look_ahead.scene_features` of states (N, 3), (N, 3) in one of the scenes."""
         place = (self.start[scene], self.frame[scene], self.goal[scene])
-        return scene_features(self.ways[scene], position, scaled_velocity, *place)
+        return scene_features(self.costs_to_go[scene], position, scaled_velocity, *place)
 
 
 @dataclass(frozen=True)
@@ -143,12 +143,12 @@ def _samples(states: SceneStates, see: Callable[..., np.ndarray]) -> AvoidanceDa
     """States with features from `see`: (scene, positions, tau v) -> features (N, F)."""
     order = np.argsort(states.scene, kind="stable")
     scenes, starts = np.unique(states.scene[order], return_index=True)
-    found = [
+    parts = [
         see(int(b), states.position[rows], states.scaled_velocity[rows])
         for b, rows in zip(scenes, np.split(order, starts[1:]), strict=True)
     ]
-    columns = np.empty((len(order), found[0].shape[1]))
-    columns[order] = np.concatenate(found)
+    columns = np.empty((len(order), parts[0].shape[1]))
+    columns[order] = np.concatenate(parts)
     p, u = canonical.phase(states.time, TAU)
     none = np.zeros(len(order), dtype=int)
     return AvoidanceDataset(columns, states.target, p, u, none, states.scene, states.time)
@@ -182,14 +182,14 @@ def reach_scenes(reaches: Sequence[SceneReach], parameters: SceneLearningParamet
     most, clouds = max(len(reach.obstacles) for reach in reaches), []
     for reach in reaches:
         filled = (*reach.obstacles, *[reach.obstacles[0]] * (most - len(reach.obstacles)))
-        surfaces = np.array([one.cloud(parameters.cloud_count) for one in filled])
+        surfaces = np.array([shape.cloud(parameters.cloud_count) for shape in filled])
         clouds.append((surfaces - reach.start) @ reach.frame)
     return Scenes(
         start=np.array([reach.start for reach in reaches]),
         frame=np.array([reach.frame for reach in reaches]),
         goal=np.array([reach.goal for reach in reaches]),
         clouds=np.array(clouds),
-        ways=[
+        costs_to_go=[
             scene_cost_to_go([*reach.obstacles, *reach.walls], reach.start, goal, parameters.look_ahead)
             for reach, goal in zip(reaches, goals, strict=True)
         ],
@@ -244,14 +244,14 @@ def _training_sets(
 ) -> tuple[VectorPrimitive, AvoidanceDataset, dict[str, TrainingSets]]:
     """Baseline, samples with the published features, and training data by kind of network, of a set."""
     baseline = straight_baseline(reaches)
-    states = scene_states([one.path for one in reaches], baseline, parameters.keep_every)
+    states = scene_states([reach.path for reach in reaches], baseline, parameters.keep_every)
     ensemble = parameters.network
     displaced = [displaced_states(states, ensemble, (number, member)) for member in range(ensemble.members)]
-    nearest, *near = (samples_of_nearest(one, scenes) for one in (states, *displaced))
-    scene, *far = (samples_of_scene(one, scenes) for one in (states, *displaced))
+    nearest, *near = (samples_of_nearest(moved, scenes) for moved in (states, *displaced))
+    scene, *far = (samples_of_scene(moved, scenes) for moved in (states, *displaced))
     signs = mirror_signs()
-    every_near, *near = (with_mirror_images(one, MIRROR_SIGNS) for one in (nearest, *near))
-    every_far, *far = (with_mirror_images(one, signs) for one in (scene, *far))
+    every_near, *near = (with_mirror_images(samples, MIRROR_SIGNS) for samples in (nearest, *near))
+    every_far, *far = (with_mirror_images(samples, signs) for samples in (scene, *far))
     networks: dict[str, TrainingSets] = {
         PUBLISHED: (parameters.published_network, nearest, [nearest]),
         NEAREST: (ensemble, every_near, near),
@@ -281,7 +281,7 @@ def planned_path(scenes: Scenes, place: int, samples: int) -> np.ndarray:
     start = scenes.start[place]
     goal = start + scenes.frame[place] @ scenes.goal[place]
     ahead = np.arange(PLANNED_STEP_M, PLANNED_MOST_M, PLANNED_STEP_M)
-    path = np.vstack([start[:2], scenes.ways[place].ways(start[None, :2], ahead)[0]])
+    path = np.vstack([start[:2], scenes.costs_to_go[place].paths(start[None, :2], ahead)[0]])
     length = np.append(0.0, np.cumsum(np.linalg.norm(np.diff(path, axis=0), axis=1)))
     share = minimum_jerk(np.linspace(0.0, 1.0, samples))
     x, y = (np.interp(share * length[-1], length, column) for column in path.T)

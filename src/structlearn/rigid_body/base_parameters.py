@@ -99,14 +99,14 @@ def fit_base(
     scale = np.sqrt(np.square(columns).sum(axis=(0, 1)))
     shows = scale > 0.0
     columns = columns / np.where(shows, scale, 1.0)
-    squares = np.array([np.tensordot(its, its, ((0, 1), (0, 1))) for its in blocks(columns, length)])
+    squares = np.array([np.tensordot(block, block, ((0, 1), (0, 1))) for block in blocks(columns, length)])
     products = block_sums(np.einsum("njp,nj->np", columns, torque), length)
     counts = np.vstack([np.ones(len(squares)), drawn_counts(len(squares), draws, seed)])
     inverse = np.linalg.pinv(np.tensordot(counts, squares, 1), rcond=_SINGULAR, hermitian=True)
-    found = np.einsum("dpq,dq->dp", inverse, counts @ products) / np.where(shows, scale, 1.0)
+    drawn = np.einsum("dpq,dq->dp", inverse, counts @ products) / np.where(shows, scale, 1.0)
     singular = np.linalg.svd(columns.reshape(-1, columns.shape[-1]), compute_uv=False)
     condition = singular[0] / singular[-1] if singular[-1] > 0.0 else np.inf
-    values, pieces = found[:, : len(base.columns)], len(squares) * motion.joints
+    values, pieces = drawn[:, : len(base.columns)], len(squares) * motion.joints
     free = max(1, pieces - columns.shape[-1])  # degrees of freedom of the residuals
     half = stdtrit(max(1, len(squares) - 1), 0.975) * np.sqrt(pieces / free) * values[1:].std(axis=0)
     return BaseFit(float(condition), values[0], values[0] - half, values[0] + half)

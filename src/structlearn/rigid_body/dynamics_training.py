@@ -127,9 +127,9 @@ class TrainedModels:
 
     def part(self, model: int) -> "TrainedModels":
         """One of the models."""
-        one = slice(model, model + 1)
-        state = {name: values if name in SHARED else values[one] for name, values in self.state.items()}
-        return TrainedModels(state, self.nmse[:, one], self.epochs[one])
+        chosen = slice(model, model + 1)
+        state = {name: values if name in SHARED else values[chosen] for name, values in self.state.items()}
+        return TrainedModels(state, self.nmse[:, chosen], self.epochs[chosen])
 
 
 def loss_weights(loss: Loss, motion: Motion) -> np.ndarray:

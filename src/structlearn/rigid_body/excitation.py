@@ -130,10 +130,10 @@ def log_determinant(information: np.ndarray) -> np.ndarray:
 
 def design(problem: DesignProblem, starts: int, iterations: int, seed: int) -> list[np.ndarray]:
     """Free parameters of local optima from random starts, sorted from most to least informative."""
-    found = parallel_map(
+    optimised = parallel_map(
         partial(_improved, problem, iterations), random_series(problem, starts, seed), "excitation"
     )
-    return [free for _, free in sorted(found, key=lambda item: item[0])]
+    return [free for _, free in sorted(optimised, key=lambda item: item[0])]
 
 
 def random_series(problem: DesignProblem, count: int, seed: int) -> np.ndarray:

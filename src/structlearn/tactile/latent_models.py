@@ -136,7 +136,7 @@ class LatentModels:
         shapes = [(-1, len(stack.seeds)) for stack in stacks]
         joined = {}
         for name in arrays[0]:
-            by_seed = [its[name].unflatten(0, shape) for its, shape in zip(arrays, shapes, strict=True)]
+            by_seed = [part[name].unflatten(0, shape) for part, shape in zip(arrays, shapes, strict=True)]
             joined[name] = torch.cat(by_seed, dim=1).flatten(0, 1)
         return cls.from_arrays(sum((stack.seeds for stack in stacks), ()), joined)
 

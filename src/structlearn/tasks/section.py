@@ -52,12 +52,12 @@ class Section:
 
 def shown(frame: pd.DataFrame, strong: frozenset[int] = frozenset(), /, **formats: str) -> Table:
     """Table with headings and formats derived from its column names; `formats` override."""
-    headings, found = {}, {}
+    headings, number_formats = {}, {}
     for name in frame:
         ending = next(ending for ending in UNITS if str(name).endswith(ending))
-        unit, found[name] = UNITS[ending]
+        unit, number_formats[name] = UNITS[ending]
         words = str(name).removesuffix(ending).split("_")
         headings[name] = " ".join(WORDS.get(word, word) for word in words) + unit
         if pd.api.types.is_integer_dtype(frame[name]):
-            found[name] = ""
-    return Table(frame, found | formats, headings, strong)
+            number_formats[name] = ""
+    return Table(frame, number_formats | formats, headings, strong)

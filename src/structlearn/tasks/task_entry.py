@@ -44,7 +44,7 @@ def read_entries(file: Path = ENTRIES) -> dict[str, Entry]:
     """
     if not file.exists():
         raise InputError(f"{file}: no such file here; `structlearn new` makes a project")
-    found: dict[str, Entry] = {}
+    entries: dict[str, Entry] = {}
     values = read_values(file, whole=False) or {}
     if not isinstance(values, dict):
         raise InputError(f"{file}: is no mapping of kinds of data to tasks")
@@ -55,10 +55,10 @@ def read_entries(file: Path = ENTRIES) -> dict[str, Entry]:
         for name, entry in tasks.items():
             if not is_name(name):
                 raise InputError(f"{file}: {kind}: {name!r}: {NAME_RULE}")
-            if name in found:
-                raise InputError(f"{file}: {kind}.{name}: the name is taken: {found[name].kind}")
-            found[name] = Entry(kind, entry)
-    return found
+            if name in entries:
+                raise InputError(f"{file}: {kind}.{name}: the name is taken: {entries[name].kind}")
+            entries[name] = Entry(kind, entry)
+    return entries
 
 
 def model(file: Path, kind: Any) -> type[SourceParameters]:
@@ -131,17 +131,17 @@ def file_digests(source: str, meshes: bool = False) -> dict[str, str]:
         path = urdf_path(str(path))
     if not path.exists():
         raise InputError(f"{source}: no such file or folder")
-    found = {source: path} if path.is_file() else {}
+    files = {source: path} if path.is_file() else {}
     if meshes:
         from structlearn.rigid_body.urdf import named_files
 
         with suppress(InputError):  # the check will say why
-            found |= {f"{source}: {name}": file for name, file in named_files(path).items()}
+            files |= {f"{source}: {name}": file for name, file in named_files(path).items()}
     for file in sorted(path.rglob("*")) if path.is_dir() else ():
         below = file.relative_to(path)
         if file.is_file() and not any(part.startswith(".") for part in below.parts):
-            found[f"{source}/{below.as_posix()}"] = file
-    return {name: digest(file) for name, file in found.items()}
+            files[f"{source}/{below.as_posix()}"] = file
+    return {name: digest(file) for name, file in files.items()}
 
 
 def targets(name: str = "") -> list[str]:
@@ -149,7 +149,7 @@ def targets(name: str = "") -> list[str]:
 
     Raises InputError: an entry is not valid.
     """
-    kinds = {one: read_task(one).kind for one in ([name] if name else read_entries())}
+    kinds = {task: read_task(task).kind for task in ([name] if name else read_entries())}
     stages = read_values(PIPELINE)["stages"].items()
     return [
         f"{stage}@{one}"

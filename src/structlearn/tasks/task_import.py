@@ -70,14 +70,14 @@ def reader(task: SourceParameters, bags: Read) -> Read:
     module = task.reader if "." in task.reader else f"structlearn.readers.{task.reader}"
     function = f"read_{task.kind.rpartition('.')[2]}"
     try:
-        found = getattr(import_module(module), function, None)
+        read = getattr(import_module(module), function, None)
     except ModuleNotFoundError as error:
         if not module.startswith(str(error.name)):
             raise
-        found = None
-    if found is None:
+        read = None
+    if read is None:
         raise InputError(f"reader '{task.reader}': there is no {function} in {module}")
-    return found
+    return read
 
 
 def read_source(task: SourceParameters, source: str, left_out: LeftOut, bags: Read) -> Any:
@@ -92,11 +92,11 @@ def read_source(task: SourceParameters, source: str, left_out: LeftOut, bags: Re
 
 
 def write_checked_streams(
-    task: SourceParameters, found: Sequence[Recording], folder: Path, left_out: LeftOut
+    task: SourceParameters, recordings: Sequence[Recording], folder: Path, left_out: LeftOut
 ) -> None:
     """Write `streams` at the sensors' own rates, of recordings that can be put on one clock."""
-    checked = {one.name for one in on_clock(task, found, None, left_out)}
-    write_streams([one for one in found if one.name in checked], folder / "streams.parquet")
+    checked = {one.name for one in on_clock(task, recordings, None, left_out)}
+    write_streams([one for one in recordings if one.name in checked], folder / "streams.parquet")
 
 
 def on_clock(
@@ -109,13 +109,13 @@ def on_clock(
     """Resample recordings to a clock; failing ones are left out or an error, see `goes_on`."""
     on = clock.model_dump() if clock else {}  # default: the rate of the poses
     runs = []
-    for one in recordings:
+    for recording in recordings:
         try:
-            runs.append(synchronise(one, **on, refuse_jumps=refuse_jumps))
+            runs.append(synchronise(recording, **on, refuse_jumps=refuse_jumps))
         except InputError as error:
             if not goes_on(task):
                 raise InputError(f"{task.source}: {error}") from error
-            left_out[one.name] = str(error)
+            left_out[recording.name] = str(error)
     if not runs:
         raise InputError(f"{task.source}: holds no recording that can be read")
     return runs

@@ -69,9 +69,9 @@ def task_page(files: TaskFiles) -> TaskPage:
         "sections": sections,
     }
     if kind == "movement" and not absent:
-        simulated = any(one.simulated for one in files.runs("demonstrations"))
+        simulated = any(run.simulated for run in files.runs("demonstrations"))
     else:
-        simulated = any(one.facts.get("origin", {}).get("origin") == "simulated" for one in sections)
+        simulated = any(section.facts.get("origin", {}).get("origin") == "simulated" for section in sections)
     document = Document(
         template="task.html.jinja",
         package=__package__,
@@ -95,5 +95,5 @@ def _in_place(page: ModuleType, files: TaskFiles) -> Iterator[Section]:
         if not section.template:
             lead = f"{section.name}_lead.html.jinja"
             lead = lead if (Path(str(page.__file__)).parent / lead).exists() else ""
-        its = templates.get_template(str(name))
-        yield replace(section, template=its, lead=templates.get_template(str(lead)) if lead else "")
+        template = templates.get_template(str(name))
+        yield replace(section, template=template, lead=templates.get_template(str(lead)) if lead else "")

@@ -68,9 +68,8 @@ class ObstacleResults:
     """Outputs of the testbed's stages, with selections from them."""
 
     scores: pd.DataFrame  # of every unroll, see `avoidance_protocols.evaluate_avoidance`
-    paths: (
-        pd.DataFrame
-    )  # shown person's unrolls with limits at the goal, see `avoidance_protocols.evaluate_avoidance`
+    # shown person's unrolls with limits at the goal, see `avoidance_protocols.evaluate_avoidance`
+    paths: pd.DataFrame
     demonstration_scores: pd.DataFrame  # of all people, see `avoidance_scores.demonstration_scores`
     errors: pd.DataFrame  # of the models, see `avoidance_fits.learn_avoidance`
     baselines: Mapping[int, PositionPrimitive]  # reaches without obstacle, by person

@@ -101,9 +101,8 @@ def success_by_tolerance(
 class ControllerScores:
     """Closed-loop trials of several controllers, with their scores."""
 
-    trials: (
-        pd.DataFrame
-    )  # see `protocol.servo_trials.compare_controllers`; the same contacts for all controllers
+    # see `protocol.servo_trials.compare_controllers`; the same contacts for all controllers
+    trials: pd.DataFrame
 
     @cached_property
     def rates(self) -> pd.DataFrame:

@@ -116,35 +116,35 @@ def _of_clocks(seen: SourceSeen, topics: Sequence[str], pose: PoseSource) -> Ite
     clocks = seen.clocks(topics)
     stamped, names = {topic for _, topic, one in clocks if one.header}, {topic for _, topic, _ in clocks}
     without = ", ".join(sorted(names - stamped))
-    number, told = (
+    number, words = (
         f"{len(stamped)} of {len(names)} topics have header stamps",
         f"the log time stands in for {without}",
     )
     verdict: Verdict = "doubtful" if without else "yes"
-    yield Answer("Do messages say when they were taken?", verdict, number, told)
+    yield Answer("Do messages say when they were taken?", verdict, number, words)
     if stamped:
         off, name = out_of_step(seen, topics)
         advice = f"look at {name}: delays of topics differ"
         yield Answer("Are the clocks in step?", at_most(off, IN_STEP_S), f"to {1e3 * off:.3g} ms", advice)
     series = seen.series(topics, pose)
-    name, topic, one = max(series, key=lambda item: item[2].disorder)
-    number = f"all but {one.disorder:.2g} of them" if one.disorder else "all do"
-    advice = f"in {name}, {topic}, {one.repeated} repeat and {one.backward} run back"
-    yield Answer("Do stamps increase?", at_most(one.disorder, DISORDERED), number, advice)
-    name, topic, one = max(series, key=lambda item: np.nan_to_num(item[2].largest_gap_s, nan=np.inf))
-    verdict = at_most(one.largest_gap_s, (MAX_GAP_S, MAX_GAP_S))
-    advice = f"in {name}, {topic}, at {one.gap_at_s:.3g} s; `clock: {{max_gap_s: ...}}`"
-    yield Answer("Are streams without gaps?", verdict, f"largest {one.largest_gap_s:.3g} s", advice)
-    name, topic, one = min(series, key=lambda item: np.nan_to_num(item[2].rate_hz, nan=0.0))
-    verdict, number = at_least(one.rate_hz, RATES_HZ), f"slowest {one.rate_hz:.4g} Hz"
+    name, topic, stamps = max(series, key=lambda item: item[2].disorder)
+    number = f"all but {stamps.disorder:.2g} of them" if stamps.disorder else "all do"
+    advice = f"in {name}, {topic}, {stamps.repeated} repeat and {stamps.backward} run back"
+    yield Answer("Do stamps increase?", at_most(stamps.disorder, DISORDERED), number, advice)
+    name, topic, stamps = max(series, key=lambda item: np.nan_to_num(item[2].largest_gap_s, nan=np.inf))
+    verdict = at_most(stamps.largest_gap_s, (MAX_GAP_S, MAX_GAP_S))
+    advice = f"in {name}, {topic}, at {stamps.gap_at_s:.3g} s; `clock: {{max_gap_s: ...}}`"
+    yield Answer("Are streams without gaps?", verdict, f"largest {stamps.largest_gap_s:.3g} s", advice)
+    name, topic, stamps = min(series, key=lambda item: np.nan_to_num(item[2].rate_hz, nan=0.0))
+    verdict, number = at_least(stamps.rate_hz, RATES_HZ), f"slowest {stamps.rate_hz:.4g} Hz"
     yield Answer("Are topics fast enough?", verdict, number, f"in {name}, {topic}")
 
 
 def out_of_step(seen: SourceSeen, topics: Sequence[str]) -> tuple[float, str]:
     """Largest difference in s between the delays of a file's topics, and that file; common delays cancel."""
-    found = [(0.0, "")]
+    lags = [(0.0, "")]
     for file in seen.files:
         delays = [one.delay_s for name, _, one in seen.clocks(topics) if name == file.name and one.header]
         if delays:
-            found.append((float(np.ptp(delays)), file.name))
-    return max(found)
+            lags.append((float(np.ptp(delays)), file.name))
+    return max(lags)

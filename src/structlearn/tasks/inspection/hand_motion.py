@@ -118,15 +118,15 @@ def hand_candidates(hands: Mapping[str, Mapping[PoseSource, HandPath]]) -> list[
         sizes = [(path.extent_m, float(path.speed.sum() * path.dt)) for path in paths.values()]
         every.append(HandCandidate(source, paths, *np.median(sizes, axis=0).tolist()))
 
-    def rank(one: HandCandidate) -> tuple:
+    def rank(candidate: HandCandidate) -> tuple:
         """Sort key, small for likely sources; ties keep the order of names."""
-        kind, path_length = type(one.source), one.travelled
+        kind, path_length = type(candidate.source), candidate.travelled
         farthest = max(other.travelled for other in every if type(other.source) is kind)
         if kind is not str and path_length >= ALIKE * farthest:
             path_length = farthest
-        named = isinstance(one.source, TransformPose) and HANDS.search(one.source.child)
-        unlikely = not one.moves or 2 * len(one.paths) <= len(hands)
-        return unlikely, KINDS.index(kind), -len(one.paths), not named, -path_length
+        named = isinstance(candidate.source, TransformPose) and HANDS.search(candidate.source.child)
+        unlikely = not candidate.moves or 2 * len(candidate.paths) <= len(hands)
+        return unlikely, KINDS.index(kind), -len(candidate.paths), not named, -path_length
 
     return sorted(every, key=rank)
 
@@ -163,8 +163,8 @@ def survey_motion(paths: Mapping[str, HandPath]) -> MotionSurvey:
         threshold = fraction * pace(moved)
         runs = {name: motion_runs(path, threshold) for name, path in paths.items()}
         rows = {}
-        for name, its in runs.items():
-            rows[name] = tuple(run.short for run in its if with_short or not run.short)
+        for name, moves in runs.items():
+            rows[name] = tuple(run.short for run in moves if with_short or not run.short)
         row, count = max(Counter(rows.values()).items(), key=lambda item: (item[1], len(item[0])))
         agreeing = tuple(name for name in rows if rows[name] == row)
         rank = (count, len(row) > 0, with_short, -abs(place - PREFERRED))
@@ -191,8 +191,10 @@ def motion_runs(path: HandPath, threshold: float) -> list[MotionRun]:
         return []
     pauses = np.flatnonzero((runs[1:, 0] - runs[:-1, 1]) * path.dt > BRIDGE_S)
     first, last = runs[np.append(0, pauses + 1), 0], runs[np.append(pauses, len(runs) - 1), 1]
-    ways = [float(path.speed[a : b + 1].sum() * path.dt) for a, b in zip(first, last, strict=True)]
+    lengths = [float(path.speed[a : b + 1].sum() * path.dt) for a, b in zip(first, last, strict=True)]
     return [
-        MotionRun(float(a * path.dt), float(b * path.dt), path_length, path_length < SHORT_SHARE * max(ways))
-        for a, b, path_length in zip(first, last, ways, strict=True)
+        MotionRun(
+            float(a * path.dt), float(b * path.dt), path_length, path_length < SHORT_SHARE * max(lengths)
+        )
+        for a, b, path_length in zip(first, last, lengths, strict=True)
     ]

@@ -111,7 +111,7 @@ def _topics(
 def _of_types(seen: SourceSeen, types: Collection[str]) -> list[str]:
     """Topics with messages of some types that every file has, sorted by name."""
     fitting = [
-        {name for name, its in file.topics.items() if its.clocks and set(its.types) <= set(types)}
+        {name for name, topic in file.topics.items() if topic.clocks and set(topic.types) <= set(types)}
         for file in seen.files
     ]
     return sorted(set.intersection(*fitting))
@@ -123,8 +123,8 @@ def _pose_warnings(seen: SourceSeen, hand: HandCandidate, others: Sequence[HandC
     if missing := [file.name for file in seen.files if file.name not in hand.paths]:
         yield f"not in {_listed(missing)}, which cannot be read by this entry"
     if others:
-        ways = [f"{pose_words(one.source)}, which goes {one.travelled:.4g} m" for one in others]
-        yield f"also there: {_listed(ways, 3)}"
+        descriptions = [f"{pose_words(other.source)}, which goes {other.travelled:.4g} m" for other in others]
+        yield f"also there: {_listed(descriptions, 3)}"
 
 
 def _robot(seen: SourceSeen, urdf: str, pose: JointPose) -> dict[str, Any]:
@@ -149,16 +149,19 @@ def _stamps(seen: SourceSeen, read: Sequence[str], hand: HandCandidate) -> tuple
     """Proposed reading of stamps, and reasons if it is not the default."""
     off, _ = out_of_step(seen, read)
     by_log = off > IN_STEP_S[1]
-    logs = [(name, topic, one.log) for name, topic, one in seen.clocks(read)]
+    logs = [(name, topic, clocks.log) for name, topic, clocks in seen.clocks(read)]
     taken = logs if by_log else seen.series(read, hand.source)
-    repeated, backward = sum(one.repeated for *_, one in taken), sum(one.backward for *_, one in taken)
+    repeated, backward = (
+        sum(stamps.repeated for *_, stamps in taken),
+        sum(stamps.backward for *_, stamps in taken),
+    )
     disorder = "sort" if backward else "drop" if repeated else "error"
     warnings = [f"clocks of headers are out of step by {off:.3g} s: the log's is taken"] if by_log else []
     if repeated or backward:
-        where = sorted({f"{name} {topic}" for name, topic, one in taken if one.disorder})
+        where = sorted({f"{name} {topic}" for name, topic, stamps in taken if stamps.disorder})
         warnings.append(
-            f"of {sum(one.count for *_, one in taken)} stamps {repeated} repeat and {backward} run back, "
-            f"in {_listed(where)}; `error` would refuse them"
+            f"of {sum(stamps.count for *_, stamps in taken)} stamps {repeated} repeat and {backward} run back"
+            f", in {_listed(where)}; `error` would refuse them"
         )
     return {"clock": "log" if by_log else "header", "disorder": disorder}, warnings
 

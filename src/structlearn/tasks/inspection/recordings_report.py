@@ -46,53 +46,55 @@ class SourceReport(NamedTuple):
 
 def inspect_source(source: str, urdf: str | None, output: Path | None) -> None:
     """Print a report on a source; publish the proposed entry if `output` is given."""
-    found = find_out(source, urdf)
-    print("\n".join(printable(line).rstrip() for line in report_lines(found)))
-    if output is not None and found.proposal is not None:
+    report = find_out(source, urdf)
+    print("\n".join(printable(line).rstrip() for line in report_lines(report)))
+    if output is not None and report.proposal is not None:
         with publish(output) as path:
-            path.write_text("\n".join(as_yaml(found.proposal)) + "\n", encoding="utf-8")
+            path.write_text("\n".join(as_yaml(report.proposal)) + "\n", encoding="utf-8")
 
 
 def find_out(source: str, urdf: str | None = None) -> SourceReport:
     """Survey a source (see `look_at`), its motion and fitness, and propose an entry."""
     seen = look_at(source, urdf)
-    found = hand_candidates({file.name: file.hands for file in seen.files})
-    if not found:
+    candidates = hand_candidates({file.name: file.hands for file in seen.files})
+    if not candidates:
         return SourceReport(seen, (), None, None, list(fitness(seen, None, None, ())))
-    motion = survey_motion(found[0].paths) if found[0].moves else None
-    proposal = propose(seen, found[0], found[1:], motion)
-    return SourceReport(seen, found, motion, proposal, list(fitness(seen, found[0], motion, proposal.read)))
+    motion = survey_motion(candidates[0].paths) if candidates[0].moves else None
+    proposal = propose(seen, candidates[0], candidates[1:], motion)
+    return SourceReport(
+        seen, candidates, motion, proposal, list(fitness(seen, candidates[0], motion, proposal.read))
+    )
 
 
-def report_lines(found: SourceReport) -> Iterator[str]:
+def report_lines(report: SourceReport) -> Iterator[str]:
     """Lines of the whole report."""
-    seen = found.seen
+    seen = report.seen
     yield from (f"{seen.source}: {len(seen.files)} recording{'s' if seen.files[1:] else ''}", "")
     for file in seen.files:
         yield from (*_file(file), "")
     yield from (f"{name}: left out: {reason}" for name, reason in seen.damaged.items())
-    if found.sources:
+    if report.sources:
         yield "Candidates for the pose of the hand (medians over the files); the first is used"
         rows = [("source", "files", "extent", "way")]
-        for one in found.sources:
-            sizes = f"{one.extent:.3g} m", f"{one.travelled:.3g} m"
-            rows.append((pose_words(one.source), str(len(one.paths)), *sizes))
+        for source in report.sources:
+            sizes = f"{source.extent:.3g} m", f"{source.travelled:.3g} m"
+            rows.append((pose_words(source.source), str(len(source.paths)), *sizes))
         yield from (*_aligned(rows, range(1, 4)), "")
-    if found.motion is not None:
-        above = f"above {found.motion.threshold:.2g} m/s, s since the first sample"
+    if report.motion is not None:
+        above = f"above {report.motion.threshold:.2g} m/s, s since the first sample"
         yield f"Runs of motion {above}; dips up to {BRIDGE_S:g} s are joined, short runs are in brackets"
-        its = [(name, f"{len(runs)}", _times(runs)) for name, runs in found.motion.runs.items()]
-        yield from (*_aligned(its, (1,)), "")
+        moves = [(name, f"{len(runs)}", _times(runs)) for name, runs in report.motion.runs.items()]
+        yield from (*_aligned(moves, (1,)), "")
     yield "Suitable for learning?"
     answers = [
-        (one.verdict, one.question, one.number, "" if one.verdict == "yes" else one.advice)
-        for one in found.answers
+        (answer.verdict, answer.question, answer.number, "" if answer.verdict == "yes" else answer.advice)
+        for answer in report.answers
     ]
     yield from (*_aligned(answers, ()), "")
-    if found.proposal is None:
+    if report.proposal is None:
         yield "No entry can be proposed: no stream could be the pose of a hand."
     else:
-        yield from ("To paste below `movement:` in structlearn.yaml:", "", *as_yaml(found.proposal))
+        yield from ("To paste below `movement:` in structlearn.yaml:", "", *as_yaml(report.proposal))
 
 
 def as_yaml(proposal: Proposal) -> list[str]:
@@ -152,7 +154,7 @@ def _clock(clocks: TopicClocks) -> tuple[str, ...]:
 
 
 def _times(runs: Sequence[MotionRun]) -> str:
-    words = [f"{one.start_s:.2f}-{one.end_s:.2f}" for one in runs]
+    words = [f"{run.start_s:.2f}-{run.end_s:.2f}" for run in runs]
     return ", ".join(f"({word})" if one.short else word for one, word in zip(runs, words, strict=True))
 
 

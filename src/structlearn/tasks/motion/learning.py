@@ -173,15 +173,15 @@ def _identified(
         "traces": model_comparison.torque_traces(torques, first, parts[first], parameters.rate_hz, stride),
         "written": model_comparison.write_identified(source, folder / "identified.urdf", robot, judged),
     }
-    for (kind, friction), its in models.items():
-        write_dynamics_models(its, folder / f"models/{kind}_{friction}.safetensors")
+    for (kind, friction), model in models.items():
+        write_dynamics_models(model, folder / f"models/{kind}_{friction}.safetensors")
     return models, tables
 
 
 def joined_parts(logs: str, pieces: Pieces, parameters: MotionParameters) -> dict[str, Motion]:
     """Motion of each part: `TRAIN`, the part verdicts are about, others. Raises InputError: too short."""
-    parts = {name: joined_motions([piece for _, piece in its]) for name, its in pieces.items()}
-    learned_s, tested_s = (len(its) / parameters.rate_hz for its in list(parts.values())[:2])
+    parts = {name: joined_motions([piece for _, piece in named]) for name, named in pieces.items()}
+    learned_s, tested_s = (len(motion) / parameters.rate_hz for motion in list(parts.values())[:2])
     if min(map(len, list(parts.values())[:2])) < parameters.block:
         raise InputError(
             f"{logs}: {learned_s:.1f} s to learn from and {tested_s:.1f} s to test on are too short for "
@@ -289,7 +289,7 @@ def held_out_pieces(motions: Mapping[str, Motion], parameters: MotionParameters)
         return {TRAIN: list(motions.items())[:-1], TEST: list(motions.items())[-1:]}
     motion, name = motions[names[0]], names[0]
     pieces = [(name, motion.part(piece)) for piece in blocks(np.arange(len(motion)), parameters.block)]
-    kept = [its for place, its in enumerate(pieces) if place % TEST_EVERY != TEST_EVERY - 1]
+    kept = [piece for place, piece in enumerate(pieces) if place % TEST_EVERY != TEST_EVERY - 1]
     return {TRAIN: kept, TEST: pieces[TEST_EVERY - 1 :: TEST_EVERY] or [(name, motion.part(slice(0, 0)))]}
 
 
@@ -325,8 +325,8 @@ def gravity_check(robot: Robot, motion: Motion, parameters: MotionParameters) ->
     friction = friction_columns(motion.q, motion.qd, FRICTION)
     parts = np.concatenate([gravity[..., None], moving[..., None], friction], axis=2)
     each = list(zip(parts.swapaxes(0, 1), motion.torque.T, strict=True))
-    share = np.array([np.linalg.lstsq(its, torque, rcond=None)[0][0] for its, torque in each])
-    varies, least = np.array([its.std() for its in gravity.T]), GRAVITY_SHARE
+    share = np.array([np.linalg.lstsq(columns, torque, rcond=None)[0][0] for columns, torque in each])
+    varies, least = np.array([column.std() for column in gravity.T]), GRAVITY_SHARE
     cases = [varies < parameters.gravity_n_m, (least <= share) & (share <= 1.0 / least), share < 1.0 - least]
     return pd.DataFrame(
         {
@@ -389,5 +389,5 @@ def _tried(
             if epoch in parameters.epochs:
                 learned = DynamicsModels(kind, tree.names, terms, learning.hidden, models.state())
                 torques = predicted_torques(learned, tree, rest)
-                errors.append(float(np.mean([nmse(its, rest.torque) for its in torques])))
+                errors.append(float(np.mean([nmse(predicted, rest.torque) for predicted in torques])))
     return errors

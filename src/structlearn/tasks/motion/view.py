@@ -61,7 +61,7 @@ def write_carried(
     cut = tables["motions"].set_index("log").loc[name]
     log = logs[name]
     time = np.arange(0.0, cut["end_s"] - cut["start_s"], 1.0 / RATE_HZ)
-    q = np.stack([np.interp(time + cut["start_s"], log.time, its) for its in log.positions.T], axis=1)
+    q = np.stack([np.interp(time + cut["start_s"], log.time, column) for column in log.positions.T], axis=1)
     weighed = tables["loads"].set_index(["pair", "gains"]).loc[(name, "found")]
     centre = weighed[CENTRE].to_numpy(float)
     with recording(path, f"Arm with its load: {name}") as to:

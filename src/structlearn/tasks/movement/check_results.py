@@ -96,8 +96,8 @@ def margin_verdict(margin: float) -> str:
 
 def overall(verdicts: pd.Series) -> str:
     """Worst of several verdicts: no, then doubtful, which includes not tested."""
-    found = set(verdicts)
-    return NO if NO in found else DOUBTFUL if found & {DOUBTFUL, NOT_TESTED} else YES
+    present = set(verdicts)
+    return NO if NO in present else DOUBTFUL if present & {DOUBTFUL, NOT_TESTED} else YES
 
 
 def write_check(check: SkillCheck, folder: str | Path) -> None:

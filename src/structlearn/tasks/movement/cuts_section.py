@@ -59,7 +59,10 @@ def cuts_section(files: TaskFiles) -> Section:
     """Section on the cuts: start and end of each primitive in each demonstration."""
     own, segmentation = files.entry(MovementEntry), files.segmentation()
     demonstrations = files.runs("demonstrations")
-    by_name, flagged = {one.name: one for one in demonstrations}, set(segmentation.warnings["demonstration"])
+    by_name, flagged = (
+        {demonstration.name: demonstration for demonstration in demonstrations},
+        set(segmentation.warnings["demonstration"]),
+    )
     cut = [name for name in by_name if name in set(segmentation.cuts["demonstration"])]
     drawn = sorted(cut, key=lambda name: name not in flagged)[:DRAWN] if own.presegmented is None else []
     points = pd.concat([segmentation.result(name).reset_index() for name in segmentation.primitives])
@@ -74,7 +77,7 @@ def cuts_section(files: TaskFiles) -> Section:
         "warnings": len(segmentation.warnings),
         "flagged": [name for name in cut if name in flagged],
         "kept": own.keep_flagged,
-        "true": any(one.true_segments is not None for one in demonstrations),
+        "true": any(demonstration.true_segments is not None for demonstration in demonstrations),
     }
     tables = {
         "lengths": shown(primitive_lengths(by_name, segmentation), way_mm=".0f"),
@@ -139,7 +142,7 @@ def rests_section(files: TaskFiles) -> Section | None:
     )
     for name, (first, second) in CASES.items():
         levels = paired.dropna(subset=[first, second]).groupby(level="noise_mm")
-        gains = {f"{level:g} mm": difference(its[first], its[second]) for level, its in levels}
+        gains = {f"{level:g} mm": difference(errors[first], errors[second]) for level, errors in levels}
         find.add(name, gains, unit="ms")
     table = Table(wide[list(METHODS)].reset_index(), dict.fromkeys(METHODS, ".1f"), headings)
     return Section(

@@ -96,7 +96,7 @@ def _learned(
         seen, half, held_out = dataset.where(learned), level.where(~odd), level.where(odd)
         others = dict.fromkeys(dataset.setting[~learned])
         work.append((name, axis, "", concatenated([seen, level]), parameters))
-        tests.append({one: dataset.where(dataset.setting == one) for one in others})
+        tests.append({other: dataset.where(dataset.setting == other) for other in others})
         group = _groups(seen, parameters)
         for label in dict.fromkeys(group):
             work.append((name, axis, label, concatenated([seen.where(group != label), half]), parameters))
@@ -107,9 +107,9 @@ def _learned(
     for (name, axis, label, *_), by_test, network in zip(work, tests, trained, strict=True):
         if not label:
             networks[name][axis] = network
-        for one, its in by_test.items():
-            if len(its.target):
-                rows.append((name, axis, one, bool(label), *_scored(network, its)))
+        for setting, samples in by_test.items():
+            if len(samples.target):
+                rows.append((name, axis, setting, bool(label), *_scored(network, samples)))
     keys = ["primitive", "axis", "left_out", "learned"]
     scores = pd.DataFrame(rows, columns=[*keys, "nmse", "target", "predicted", "rms"])
     return networks, scores.groupby(keys, sort=False).mean().reset_index()
@@ -144,13 +144,13 @@ def _scored(network: CouplingModel, dataset: CouplingDataset) -> tuple[float, fl
 
 def feedback_metrics(feedback: LearnedFeedback) -> Metrics:
     """NMSE on what was left out, and displacement commanded without correction, in mm or degrees."""
-    found: Metrics = {}
-    for (name, axis), its in feedback.scores.groupby(["primitive", "axis"], sort=False):
-        found[f"feedback_{name}_{axis}_nmse"] = float(its.loc[its["learned"], "nmse"].mean())
-        for predicted in its.loc[its["left_out"] == LEVEL, "predicted"]:
+    metrics: Metrics = {}
+    for (name, axis), scores in feedback.scores.groupby(["primitive", "axis"], sort=False):
+        metrics[f"feedback_{name}_{axis}_nmse"] = float(scores.loc[scores["learned"], "nmse"].mean())
+        for predicted in scores.loc[scores["left_out"] == LEVEL, "predicted"]:
             factor, unit = in_view(axis)
-            found[f"feedback_{name}_{axis}_uncorrected_{unit}"] = factor * abs(float(predicted))
-    return found
+            metrics[f"feedback_{name}_{axis}_uncorrected_{unit}"] = factor * abs(float(predicted))
+    return metrics
 
 
 def in_view(axis: Axis) -> tuple[float, str]:

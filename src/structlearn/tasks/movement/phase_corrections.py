@@ -57,11 +57,11 @@ def completeness(runs: Sequence[Demonstration], nominal: PositionPrimitive, larg
     A run that starts or ends in mid-air lacks a start or goal, hence a local frame and coupling targets.
     Returns `run`, `start_off_mm`, `goal_off_mm`, and whether it is `complete`.
     """
-    ends = np.array([one.position[[0, -1]] for one in runs]) - [nominal.start, nominal.goal]
+    ends = np.array([run.position[[0, -1]] for run in runs]) - [nominal.start, nominal.goal]
     off_mm = 1e3 * np.linalg.norm(ends, axis=2)
     return pd.DataFrame(
         {
-            "run": [one.name for one in runs],
+            "run": [run.name for run in runs],
             "start_off_mm": off_mm[:, 0],
             "goal_off_mm": off_mm[:, 1],
             "complete": off_mm.max(axis=1) <= 1e3 * largest_m,
@@ -72,7 +72,7 @@ def completeness(runs: Sequence[Demonstration], nominal: PositionPrimitive, larg
 def complete(runs: Sequence[Demonstration], completeness: pd.DataFrame) -> list[Demonstration]:
     """Select the complete runs."""
     names = set(completeness.loc[completeness["complete"], "run"])
-    return [one for one in runs if one.name in names]
+    return [run for run in runs if run.name in names]
 
 
 def runs_with_coupling(
@@ -120,8 +120,8 @@ def typical_paths(
 
     Returns `nominal` and `coupling`: (T, 3) paths in the base frame.
     """
-    start, goal = (np.mean([one.position[end] for one in runs], axis=0) for end in (0, -1))
-    duration, dt = float(np.mean([one.time[-1] for one in runs])), runs[0].dt
+    start, goal = (np.mean([run.position[end] for run in runs], axis=0) for end in (0, -1))
+    duration, dt = float(np.mean([run.time[-1] for run in runs])), runs[0].dt
     terms = phase_coupling(networks, sample_count(duration, dt))
     return {
         "nominal": nominal.unroll(dt, start, goal, duration),
@@ -152,9 +152,9 @@ def learn_corrections(
     """
     if len(runs) < 2:
         raise MissingInputError(f"{len(runs)} complete corrected runs; at least two are needed")
-    curves = np.array([_curve(one.path) for one in runs])  # (L, S, 3) m
-    unchanged = np.array([_curve(adapted_path(nominal, one.path)) for one in runs])
-    targets = np.array([signals.time_normalised(one.target, SAMPLES) for one in runs])
+    curves = np.array([_curve(run.path) for run in runs])  # (L, S, 3) m
+    unchanged = np.array([_curve(adapted_path(nominal, run.path)) for run in runs])
+    targets = np.array([signals.time_normalised(run.target, SAMPLES) for run in runs])
     fraction = np.linspace(0.0, 1.0, SAMPLES)
     clock = {"fraction": fraction, "phase": canonical.phase(fraction, canonical.TAU_PER_DURATION)[0]}
     networks, profiles = [], []
@@ -184,7 +184,7 @@ def learn_corrections(
             ]
     tables = {name: pd.concat(its, ignore_index=True) for name, its in found.items()}
     tables["profile"] = pd.DataFrame(
-        clock | {name: np.mean([one[name] for one in profiles], axis=0) for name in profiles[0]}
+        clock | {name: np.mean([profile[name] for profile in profiles], axis=0) for name in profiles[0]}
     )
     mean, std, learned = targets.mean(axis=0), targets.std(axis=0), phase_coupling(networks[0], SAMPLES)
     by_axis = [

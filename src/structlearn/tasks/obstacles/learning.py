@@ -29,8 +29,8 @@ SHOWN = 6  # number of reaches in pictures and recordings
 
 def learn(files: TaskFiles, folder: Path) -> None:
     """Write the tables of `SceneResults`."""
-    found = learn_past_obstacles(files.runs("reaches"), files.entry(ObstacleParameters))
-    write_tables(vars(found), folder)
+    results = learn_past_obstacles(files.runs("reaches"), files.entry(ObstacleParameters))
+    write_tables(vars(results), folder)
 
 
 @dataclass(frozen=True)
@@ -103,10 +103,10 @@ def judge_folds(
     for fold, learned in enumerate(
         scene_models.learn_scene_models(reaches, scenes, training_parts, parameters)
     ):
-        own, its = [reaches[place] for place in tests[fold]], scenes.take(tests[fold])
-        errors.append(_errors(learned, own, its, parameters).assign(fold=fold))
+        own, tested = [reaches[place] for place in tests[fold]], scenes.take(tests[fold])
+        errors.append(_errors(learned, own, tested, parameters).assign(fold=fold))
         for model in ALL_MODELS:
-            paths, left = scene_models.reach_through(learned, model, its, parameters)
+            paths, left = scene_models.reach_through(learned, model, tested, parameters)
             unrolled |= {(own[place].name, model): path for place, path in enumerate(paths)}
             scored.append(
                 reach_scores(own, paths, left, parameters.hand_radius_m).assign(model=model, fold=fold)
@@ -131,7 +131,7 @@ def reach_scores(
         own = reach.in_base_frame
         straight = own[0] + np.linspace(0.0, 1.0, len(own))[:, None] * (own[-1] - own[0])
         meetings = ((reach.obstacles, straight), (reach.obstacles, path), (reach.walls, path))
-        clearances = [float(nearest_distance(shapes, one).min()) for shapes, one in meetings]
+        clearances = [float(nearest_distance(shapes, points).min()) for shapes, points in meetings]
         touches = [clearance < hand_radius_m for clearance in clearances]
         lengths = (1e3 * clearances[1], 1e3 * left_m)
         rows.append((reach.name, reach.person, *touches, *lengths, *_beside(reach, path, own)))
@@ -141,7 +141,7 @@ def reach_scores(
 
 def _beside(reach: SceneReach, path: np.ndarray, other: np.ndarray) -> tuple[float, bool]:
     """Distance in mm between two paths (T, 3) m through one scene, and whether they take the same gaps."""
-    centres = [one.centre[:2] for one in reach.obstacles]
+    centres = [obstacle.centre[:2] for obstacle in reach.obstacles]
     return 1e3 * nearest_path_distance(path, other), same_gaps(path[:, :2], other[:, :2], centres)
 
 
@@ -159,9 +159,9 @@ def _errors(
     variance = np.square(states.target - states.target.mean(axis=0)).sum(axis=0)
     rows = []
     for model in MODELS:
-        its = seen if model == SCENE else nearest
-        found = learned.models[model](its.features, its.phase, its.phase_velocity)
-        squared = np.square(found - states.target).sum(axis=0)
+        samples = seen if model == SCENE else nearest
+        predicted = learned.models[model](samples.features, samples.phase, samples.phase_velocity)
+        squared = np.square(predicted - states.target).sum(axis=0)
         rows += list(zip([model] * 3, AXES, squared, variance, strict=True))
     return pd.DataFrame(rows, columns=["model", "axis", "squared", "variance"])
 
@@ -170,10 +170,10 @@ def beside_each_other(reaches: Sequence[SceneReach]) -> pd.DataFrame:
     """Rows of `SceneResults.people`: pairs of people's reaches through the same obstacles."""
     groups: dict[bytes, list[SceneReach]] = {}
     for reach in reaches:
-        solids = np.round([[*one.centre, *one.half_size] for one in reach.obstacles], 3)
+        solids = np.round([[*obstacle.centre, *obstacle.half_size] for obstacle in reach.obstacles], 3)
         groups.setdefault(solids[np.lexsort(solids.T)].tobytes(), []).append(reach)
     rows = []
-    for first, second in chain.from_iterable(combinations(its, 2) for its in groups.values()):
+    for first, second in chain.from_iterable(combinations(together, 2) for together in groups.values()):
         apart = np.subtract(first.in_base_frame[[0, -1]], second.in_base_frame[[0, -1]])
         if first.person != second.person and (np.linalg.norm(apart, axis=1) < SAME_END_M).all():
             pair = (first.person, second.person, second.name)
@@ -201,8 +201,8 @@ def _pictures(
             columns = dict(zip(("x_m", "y_m", "z_m"), path.T, strict=True))
             time = reach.duration_s * reach.path.time
             paths.append(pd.DataFrame({"reach": reach.name, "model": model, "time_s": time, **columns}))
-        kinds = [(True, one) for one in reach.obstacles] + [(False, wall) for wall in reach.walls]
-        shapes += [(reach.name, box, *one.centre, *2.0 * one.half_size) for box, one in kinds]
+        kinds = [(True, obstacle) for obstacle in reach.obstacles] + [(False, wall) for wall in reach.walls]
+        shapes += [(reach.name, box, *solid.centre, *2.0 * solid.half_size) for box, solid in kinds]
     names = ["reach", "box", "x_m", "y_m", "z_m", "width_m", "depth_m", "height_m"]
     none = pd.DataFrame(columns=["reach", "model", "time_s", "x_m", "y_m", "z_m"])
     return {

@@ -74,9 +74,9 @@ def _send_shapes(to: Recording, name: str, shapes: pd.DataFrame) -> tuple[np.nda
     return centres[solid].mean(axis=0), floor
 
 
-def _send_path(to: Recording, name: str, look: Look, its: pd.DataFrame, boxes: pd.DataFrame) -> None:
+def _send_path(to: Recording, name: str, look: Look, samples: pd.DataFrame, boxes: pd.DataFrame) -> None:
     """Log a hand over time, its whole path as a line, and its distance from the obstacles' extents."""
-    points, time = its[PLACE].to_numpy(), its["time_s"].to_numpy()
+    points, time = samples[PLACE].to_numpy(), samples["time_s"].to_numpy()
     width = 1.0 if look.colour == LIGHT_GREY else 2.0
     path = entity(name, look.name)
     to.lines(f"{path}/path", [points], look.colour, -width)

@@ -15,9 +15,9 @@ def main(files: TaskFiles) -> None:
             leave_out(folder, f"The task has no {missing}.")
     else:
         robot = files.entry(RobotParameters, "robot")
-        found = check_skill(read_skill(files.skill), robot)
-        write_check(found, files.folder / "check")
-        print(check_lines(found)[-1])
+        check = check_skill(read_skill(files.skill), robot)
+        write_check(check, files.folder / "check")
+        print(check_lines(check)[-1])
 
 
 if __name__ == "__main__":

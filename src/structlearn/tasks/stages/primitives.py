@@ -43,8 +43,8 @@ def main(files: TaskFiles) -> None:
                 path = folder / f"traces/{name}.safetensors"
                 write_vector_primitive(primitive, path, "electrode counts without offset")
         write_tables(tables, folder)
-    found = (f"{key.removeprefix('primitives_')} {value:.3g}" for key, value in fit.items())
-    print("mean distance from demonstrations:", ", ".join(found))
+    words = (f"{key.removeprefix('primitives_')} {value:.3g}" for key, value in fit.items())
+    print("mean distance from demonstrations:", ", ".join(words))
 
 
 if __name__ == "__main__":

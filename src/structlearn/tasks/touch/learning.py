@@ -41,8 +41,10 @@ def learn(files: TaskFiles, folder: Path) -> None:
         write_vector_primitive(expected, folder / "expected.safetensors", "electrode counts without offset")
     else:
         skins, tables = learn_touch(read_touch_logs(files.recorded / "touches.parquet"), parameters)
-        for name, one in skins.items():
-            write_latent_models(*one, folder / ("models" if parameters.apart else "") / f"{name}.safetensors")
+        for name, skin in skins.items():
+            write_latent_models(
+                *skin, folder / ("models" if parameters.apart else "") / f"{name}.safetensors"
+            )
     write_tables(tables, folder)
 
 
@@ -74,8 +76,8 @@ def learn_touch(
 
     def collect(names: Sequence[str], function: Callable[..., Any], work: Sequence[Any], about: str) -> None:
         """Add what a function returns for each piece of work: a table for each name."""
-        for found in parallel_map(function, work, about, local=True):
-            for name, table in zip(names, found, strict=True):
+        for result in parallel_map(function, work, about, local=True):
+            for name, table in zip(names, result, strict=True):
                 parts.setdefault(name, []).append(table)
 
     with threadpool_limits(1):  # as in separate processes, so that their number changes no bit
@@ -93,8 +95,8 @@ def learn_touch(
             one_skin = [log for log in weighed if log.channels == logs[0].channels]
             forces = force_errors(one_skin, parameters.force, parameters.rival_samples)
             parts |= {name: [table] for name, table in zip(("force", "lags", "traces"), forces, strict=True)}
-    there = {name: [table for table in its if len(table)] for name, its in parts.items()}
-    tables = {name: pd.concat(its, ignore_index=True) for name, its in there.items() if its}
+    there = {name: [table for table in frames if len(table)] for name, frames in parts.items()}
+    tables = {name: pd.concat(frames, ignore_index=True) for name, frames in there.items() if frames}
     return skins, tables
 
 
@@ -157,7 +159,10 @@ def controllers(
     """Controllers to compare: whether the latent space is structured, name and controller."""
     chosen = parameters.servo
     assert chosen is not None
-    compared: list[tuple[str, InverseModel]] = [*((one, one) for one in PUBLISHED_SERVO), (ADAPTIVE, "NJ")]
+    compared: list[tuple[str, InverseModel]] = [
+        *((inverse, inverse) for inverse in PUBLISHED_SERVO),
+        (ADAPTIVE, "NJ"),
+    ]
     trust = ModelTrust(by_likelihood=True, spread=SPREAD, correction=chosen.correction)
     for structure in STRUCTURES:
         for name, inverse in compared:

@@ -60,7 +60,7 @@ def find_surfaces(tables: Tables) -> Findings:
     find, channels = Findings("slides"), tables["channels"]
     own = dict(list(tables["left_one_out"].groupby("material")["rms"]))
     across = tables["across_materials"].groupby("expected", sort=False)["rms"]
-    either = {name: (its, own[name]) for name, its in across if name in own}
+    either = {name: (evidence, own[name]) for name, evidence in across if name in own}
     find.by(group_difference, "other_material", either or None, missing=TOO_FEW)
     strong = channels[channels["channels"] == "strong"]
     for name, table in (("predicted", tables["left_one_out"]), ("predicted_strong", strong)):
@@ -89,11 +89,13 @@ def by_channels(tables: Tables) -> pd.DataFrame:
     table = by.agg(
         electrodes=("electrodes", "first"),
         median_rms_counts=("rms", "median"),
-        nmse=("nmse", lambda its: in_words(geometric_mean(its.to_numpy()), ".2f")),
-        better_than_their_mean=("nmse", lambda its: f"{(its < 1).sum()} of {len(its)}"),
+        nmse=("nmse", lambda errors: in_words(geometric_mean(errors.to_numpy()), ".2f")),
+        better_than_their_mean=("nmse", lambda errors: f"{(errors < 1).sum()} of {len(errors)}"),
     )
     order = list(dict.fromkeys(whole["material"]))
-    return table.reset_index().sort_values("material", key=lambda its: its.map(order.index), kind="stable")
+    return table.reset_index().sort_values(
+        "material", key=lambda column: column.map(order.index), kind="stable"
+    )
 
 
 def surface_facts(tables: Tables, find: Findings) -> dict[str, object]:
@@ -104,8 +106,8 @@ def surface_facts(tables: Tables, find: Findings) -> dict[str, object]:
     channels = by_channels(tables).set_index(["material", "channels"])["nmse"]
     by_material = () if isinstance(other, Evidence) else other.items()
     better = [
-        f"{(its < 1).sum()} of {len(its)} over {name}"
-        for name, its in list(left_out.groupby("material", sort=False)["nmse"])[:FEW]
+        f"{(errors < 1).sum()} of {len(errors)} over {name}"
+        for name, errors in list(left_out.groupby("material", sort=False)["nmse"])[:FEW]
     ]
     return find.numbers() | {
         "materials": list(dict.fromkeys(map(material_of, deviations["demonstration"]))),
@@ -114,7 +116,7 @@ def surface_facts(tables: Tables, find: Findings) -> dict[str, object]:
         "material": material_of(learned.iloc[0]),
         "predicted": listing(better, ""),
         "worst": deviations.loc[deviations["rms"].idxmax()].to_dict(),
-        "more_counts": {name: in_words(its, ".1f") for name, its in list(by_material)[:FEW]},
+        "more_counts": {name: in_words(evidence, ".1f") for name, evidence in list(by_material)[:FEW]},
         "nmse_of": {name: channels[name].to_dict() for name in channels.index.unique(0)[:FEW]},
     }
 
@@ -122,7 +124,7 @@ def surface_facts(tables: Tables, find: Findings) -> dict[str, object]:
 @styled
 def slide_panel(tables: Tables, place: int) -> Figure:
     """Deviation of one of the electrodes that vary most: mean and std over the trials of a group."""
-    groups = {name: its for name, its in tables["statistics"].groupby("group")}
+    groups = {name: rows for name, rows in tables["statistics"].groupby("group")}
     electrode = groups["learned"].groupby("electrode")["std"].mean().nlargest(3).index[place]
     title = f"Electrode {electrode}: mean and std over trials"
     figure, axes = panel(title, xlabel="time (s)", ylabel="deviation (counts)")
