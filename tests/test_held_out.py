@@ -144,8 +144,8 @@ FITS_ALL = {
 """Why functions that fit have no case."""
 
 LEARNERS = (
-    r"_?(fit|learn|train)(_\w+)?|\w*[Ll]earner|\w+_trainer|lstsq|least_squares|svd|PCA|polynomial"
-    r"|\w+_process|own_units"
+    r"_?(fit|learn|train)(_\w+)?|\w*[Ll]earner|\w+_trainer|lstsq|unconstrained_minimiser|svd|PCA|polynomial"
+    r"|\w+_process|own_units|levenberg_marquardt"
 )
 SEPARATES = r"held_out|left_out|leave_one_out|TRAIN|[Ff]olds?|judged"
 """Names of what fits, and names in modules of methods that hold something out."""
@@ -579,7 +579,12 @@ def reaches_past_boxes(monkeypatch, tmp_path):
             for number, (bow, x) in enumerate(((0.12, 0.0), (0.01, -0.2)))
         ]
 
-    learn = each(monkeypatch, scene_models, "learn", lambda its: learn_past_obstacles(its, boxes.PARAMETERS))
+    learn = each(
+        monkeypatch,
+        scene_models,
+        "learn_scene_models",
+        lambda its: learn_past_obstacles(its, boxes.PARAMETERS),
+    )
     return Case(lambda its: learn(its)[0][0], trials(), trials(1), trials(2))
 
 

@@ -35,9 +35,9 @@ def main() -> None:
         faults += [_fault(file) for file in files]
         for lock in () if files else locks:
             written = outputs(lock)
-            parts = {its.part for its in written}
-            here = {its.part for its in written if _is_made_here(its)}
-            faults += output_faults(its for its in written if its.part in here)
+            parts = {output.part for output in written}
+            here = {output.part for output in written if _is_made_here(output)}
+            faults += output_faults(output for output in written if output.part in here)
             if some := len(parts - here):
                 which = f"{some} of its {len(parts)} tasks or cells have" if here else "has"
                 print(f"{lock.with_name('dvc.yaml')}: {which} not been run here")
@@ -70,8 +70,8 @@ def outputs(lock: Path, root: Path = Path()) -> list[Output]:
         stages = read_values(lock)["stages"].items()
         return [
             Output(name, root / out["path"], out["md5"])
-            for name, its in stages
-            for out in its.get("outs", ())
+            for name, stage in stages
+            for out in stage.get("outs", ())
         ]
     except (AttributeError, KeyError, TypeError) as error:  # missing or misplaced entries
         raise InputError(f"{lock}: not a lock file of DVC: {type(error).__name__}: {error}") from error

@@ -208,10 +208,10 @@ def levenberg_marquardt(
         if parameters.rule == EVIDENCE and iterations >= SETTLING_STEPS:
             prior = prior.reestimated(products, weights, error, samples.target.size)
         if validation is not None:
-            found = squared_error(_layers(weights, shapes), validation) / validation.target.size
-            failures = 0 if found < best_error else failures + 1
+            held_out = squared_error(_layers(weights, shapes), validation) / validation.target.size
+            failures = 0 if held_out < best_error else failures + 1
             if failures == 0:
-                best, best_error = weights, found
+                best, best_error = weights, held_out
     return tuple(_layers(weights if validation is None else best, shapes))
 
 

@@ -172,12 +172,12 @@ def _sweep(cost: np.ndarray, weight: np.ndarray, cell: float, sweeps: int, toler
                 if low == np.inf:
                     continue
                 if high - low >= step:
-                    found = low + step
+                    value = low + step
                 else:
-                    found = 0.5 * (low + high + np.sqrt(2.0 * step**2 - (high - low) ** 2))
-                if found < cost[i, j]:
-                    gain = max(gain, cost[i, j] - found)
-                    cost[i, j] = found
+                    value = 0.5 * (low + high + np.sqrt(2.0 * step**2 - (high - low) ** 2))
+                if value < cost[i, j]:
+                    gain = max(gain, cost[i, j] - value)
+                    cost[i, j] = value
         if gain <= tolerance and sweep >= 4:
             return
 

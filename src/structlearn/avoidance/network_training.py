@@ -185,10 +185,10 @@ def fit_errors(dataset: AvoidanceDataset, test: np.ndarray, model: CouplingModel
     axis, rows = dominant_axis(dataset) if len(np.unique(dataset.scenario)) == 1 else None, []
     for part, chosen in (("train", ~test), ("test", test)):
         tested = dataset.where(chosen)
-        found = nmse(model(tested.features, tested.phase, tested.phase_velocity), tested.target)
-        errors = {f"nmse_{name}": value for name, value in zip(AXES, found, strict=True)}
-        dominant = found[AXES.index(axis)] if axis else np.nan
-        errors |= {"nmse": found.mean(), "dominant": axis or "", "nmse_dominant": dominant}
+        by_axis = nmse(model(tested.features, tested.phase, tested.phase_velocity), tested.target)
+        errors = {f"nmse_{name}": value for name, value in zip(AXES, by_axis, strict=True)}
+        dominant = by_axis[AXES.index(axis)] if axis else np.nan
+        errors |= {"nmse": by_axis.mean(), "dominant": axis or "", "nmse_dominant": dominant}
         rows.append({"part": part} | errors)
     return rows
 

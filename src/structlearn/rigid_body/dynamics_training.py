@@ -180,14 +180,14 @@ def learn_in_epochs(
     for epoch in shuffled_epochs(models, epochs):
         before = history[epoch - futility][learning] if futility and epoch >= futility else None
         ahead = (epochs - epoch) / (futility or 1)
-        found = models.nmse(stride)
-        if epoch == epochs or _stopping(found, before, ahead, threshold).any():
-            found = models.nmse()
-        done = _stopping(found, before, ahead, threshold) | (epoch == epochs)
+        nmse = models.nmse(stride)
+        if epoch == epochs or _stopping(nmse, before, ahead, threshold).any():
+            nmse = models.nmse()
+        done = _stopping(nmse, before, ahead, threshold) | (epoch == epochs)
         errors = errors.copy()
-        errors[learning] = found
+        errors[learning] = nmse
         history.append(errors)
-        needed[learning[_good(found, threshold)]] = epoch
+        needed[learning[_good(nmse, threshold)]] = epoch
         if done.any():
             for name, values in models.state().items():
                 if name not in SHARED:

@@ -186,15 +186,19 @@ def _chains(path: str | Path) -> dict[str, list[str]]:
 
 def _joints(path: str | Path) -> dict[str, tuple[str, str, str]]:
     """Kind, parent and child link of every joint."""
-    found = {}
+    by_name = {}
     for joint in robot_element(Path(path)).findall("joint"):
         parent, child = joint.find("parent"), joint.find("child")
         if parent is None or child is None:
             raise InputError(f"{path}: joint '{joint.get('name')}' has no parent or no child")
-        found[joint.get("name", "")] = (joint.get("type", ""), parent.get("link", ""), child.get("link", ""))
-    if not found:
+        by_name[joint.get("name", "")] = (
+            joint.get("type", ""),
+            parent.get("link", ""),
+            child.get("link", ""),
+        )
+    if not by_name:
         raise InputError(f"{path}: not a URDF of a robot: it has no joints")
-    return found
+    return by_name
 
 
 def write_urdf(

@@ -67,9 +67,9 @@ def draw_pairs(
     if min(len(member) for member in members) < 2:
         raise InputError(f"geodesics: a bin has fewer than two samples of split {split}")
     parts = []
-    for place, found in enumerate(members):
+    for place, present in enumerate(members):
         size = count // bins + (place < count % bins)
-        first, second = found[rng.integers(0, len(found), (2, size))]
+        first, second = present[rng.integers(0, len(present), (2, size))]
         rows = geodesics.rows[place]
         parts.append((rows[first], rows[second], geodesics.distance[place, first, second]))
     return Pairs(*(np.concatenate(values) for values in zip(*parts, strict=True)))

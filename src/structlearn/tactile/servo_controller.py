@@ -148,9 +148,11 @@ class TactileServo:
         before, since = memory.latent[0], memory.action.mean(axis=0)
         return LatentStep(as_states(latent), as_states(before), as_states(since), self._time_step)
 
-    def _done(self, found: Tensor, latent: np.ndarray, memory: ServoMemory) -> tuple[np.ndarray, ServoMemory]:
+    def _done(
+        self, chosen: Tensor, latent: np.ndarray, memory: ServoMemory
+    ) -> tuple[np.ndarray, ServoMemory]:
         """A found action (M, K, B), bounded and in SI units, and the updated memory."""
-        action = _array(found)
+        action = _array(chosen)
         length = np.linalg.norm(action, axis=-1, keepdims=True)
         bounded = action * np.minimum(1.0, self.parameters.largest_action / np.maximum(length, 1e-12))
         after = replace(

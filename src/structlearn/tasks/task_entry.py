@@ -152,8 +152,8 @@ def targets(name: str = "") -> list[str]:
     kinds = {task: read_task(task).kind for task in ([name] if name else read_entries())}
     stages = read_values(PIPELINE)["stages"].items()
     return [
-        f"{stage}@{one}"
-        for one, kind in kinds.items()
-        for stage, its in stages
-        if (over := its.get("foreach")) == f"${{{kind}}}" or (isinstance(over, list) and one in over)
+        f"{stage}@{task}"
+        for task, kind in kinds.items()
+        for stage, about in stages
+        if (over := about.get("foreach")) == f"${{{kind}}}" or (isinstance(over, list) and task in over)
     ]

@@ -95,8 +95,10 @@ def write_checked_streams(
     task: SourceParameters, recordings: Sequence[Recording], folder: Path, left_out: LeftOut
 ) -> None:
     """Write `streams` at the sensors' own rates, of recordings that can be put on one clock."""
-    checked = {one.name for one in on_clock(task, recordings, None, left_out)}
-    write_streams([one for one in recordings if one.name in checked], folder / "streams.parquet")
+    checked = {recording.name for recording in on_clock(task, recordings, None, left_out)}
+    write_streams(
+        [recording for recording in recordings if recording.name in checked], folder / "streams.parquet"
+    )
 
 
 def on_clock(

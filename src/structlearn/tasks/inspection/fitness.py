@@ -75,12 +75,12 @@ def fitness(
         yield Answer("Do runs of motion agree in number?", verdict, number, advice)
     turned = [
         (float(np.abs(joints.values["joint_positions"]).max()), f"{topic} in {file}")
-        for file, topic, one in seen.on(topics)
-        for joints in one.joints
+        for file, topic, present in seen.on(topics)
+        for joints in present.joints
         if "joint_positions" in joints.values
     ]
     if turned:
-        largest, where = max(turned, key=lambda one: one[0])
+        largest, where = max(turned, key=lambda item: item[0])
         verdict = "yes" if largest <= MOST_TURNED else "doubtful"
         question, advice = "Are joints' positions in rad?", f"degrees? look at {where}"
         yield Answer(question, verdict, f"to {largest:.3g}", advice)
@@ -104,7 +104,7 @@ def _of_hand(seen: SourceSeen, hand: HandCandidate) -> Iterator[Answer]:
         advice = "; ".join(reasons) or f"not in {', '.join(file.name for file in missing)}"
         number = f"{pose_words(hand.source)}: {len(paths)} of {len(seen.files)}"
         yield Answer("Does every file have the hand's pose?", "no", number, advice)
-    name, least = min(((name, path.extent_m) for name, path in paths.items()), key=lambda one: one[1])
+    name, least = min(((name, path.extent_m) for name, path in paths.items()), key=lambda item: item[1])
     verdict, advice = at_least(least, EXTENT_M), f"look at {name}"
     if hand.extent > FARTHEST_M:
         verdict, advice = "doubtful", "positions are read as m; were they written in mm?"
@@ -114,7 +114,7 @@ def _of_hand(seen: SourceSeen, hand: HandCandidate) -> Iterator[Answer]:
 
 def _of_clocks(seen: SourceSeen, topics: Sequence[str], pose: PoseSource) -> Iterator[Answer]:
     clocks = seen.clocks(topics)
-    stamped, names = {topic for _, topic, one in clocks if one.header}, {topic for _, topic, _ in clocks}
+    stamped, names = {topic for _, topic, pair in clocks if pair.header}, {topic for _, topic, _ in clocks}
     without = ", ".join(sorted(names - stamped))
     number, words = (
         f"{len(stamped)} of {len(names)} topics have header stamps",
@@ -144,7 +144,7 @@ def out_of_step(seen: SourceSeen, topics: Sequence[str]) -> tuple[float, str]:
     """Largest difference in s between the delays of a file's topics, and that file; common delays cancel."""
     lags = [(0.0, "")]
     for file in seen.files:
-        delays = [one.delay_s for name, _, one in seen.clocks(topics) if name == file.name and one.header]
+        delays = [pair.delay_s for name, _, pair in seen.clocks(topics) if name == file.name and pair.header]
         if delays:
             lags.append((float(np.ptp(delays)), file.name))
     return max(lags)

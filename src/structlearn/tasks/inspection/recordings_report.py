@@ -155,7 +155,7 @@ def _clock(clocks: TopicClocks) -> tuple[str, ...]:
 
 def _times(runs: Sequence[MotionRun]) -> str:
     words = [f"{run.start_s:.2f}-{run.end_s:.2f}" for run in runs]
-    return ", ".join(f"({word})" if one.short else word for one, word in zip(runs, words, strict=True))
+    return ", ".join(f"({word})" if run.short else word for run, word in zip(runs, words, strict=True))
 
 
 def _aligned(rows: Sequence[Sequence[str]], right: Sequence[int]) -> list[str]:

@@ -151,7 +151,7 @@ def _topic_seen(where: str, topic: str, names: tuple[str, ...], messages: RawMes
             seen = seen._replace(joints=joints)
             if joints and mended is None:
                 kept = chosen(where, joints, None)[0]
-                seen = seen._replace(series=[stamp_statistics(one.stamps) for one in kept])
+                seen = seen._replace(series=[stamp_statistics(part.stamps) for part in kept])
         elif set(names) <= READERS["transforms"].keys():
             transforms = transform_series(where, messages, AS_THEY_COME)
             seen = seen._replace(links=[transforms[edge] for edge in sorted(transforms)])

@@ -237,11 +237,11 @@ def body_intervals(
         regressor = MotionRegressor(robot.tree, motion, True, model.friction)
         fits = drawn_fits(model, regressor, robot.inertias, parameters.iterations, length, draws, seed)
         quantile = stdtrit(draws - 1, 0.975)
-        widths = {name: quantile * its.std(axis=0, ddof=1) for name, its in _body_columns(fits).items()}
+        widths = {name: quantile * drawn.std(axis=0, ddof=1) for name, drawn in _body_columns(fits).items()}
     columns = {"half_width": widths, "urdf": urdf}
     tables = [
         pd.DataFrame({"link": robot.tree.names, "parameter": name, "value": value[0]}).assign(
-            **{column: its.get(name, nothing) for column, its in columns.items()}
+            **{column: values.get(name, nothing) for column, values in columns.items()}
         )
         for name, value in values.items()
     ]

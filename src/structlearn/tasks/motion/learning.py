@@ -143,7 +143,7 @@ def _identified(
     pieces = held_out_pieces(motions, parameters)
     parts = joined_parts(", ".join(logs), pieces, parameters)
     tables["motions"] = _motion_table(
-        moving, {name: its for name, (_, its) in cuts.items()}, pieces, parameters
+        moving, {name: cut for name, (_, cut) in cuts.items()}, pieces, parameters
     )
     networks: dict[Kind, NetworkTraining] = {}
     if parameters.networks is not None:
@@ -300,8 +300,8 @@ def _motion_table(
     rows, rate_hz = [], parameters.rate_hz
     for name, cut in cuts.items():
         seconds = {
-            part: sum(len(piece) for log, piece in its if log == name) / rate_hz
-            for part, its in pieces.items()
+            part: sum(len(piece) for log, piece in cuts if log == name) / rate_hz
+            for part, cuts in pieces.items()
         }
         learned, tested = seconds.pop(TRAIN), sum(seconds.values())
         row = {"log": name, "part": words.get((learned > 0, tested > 0), "with the load")}

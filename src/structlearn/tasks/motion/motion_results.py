@@ -21,7 +21,9 @@ from structlearn.tasks.motion.parameters import SEED, MotionParameters
 URDF, BEST, BOUNDS = ("urdf", "none"), "cov", "least_squares"
 RIVALS = (("mlp", "none"), ("mlp_scaled", "none"), ("delan", "viscous"))
 MODELS = {"urdf": NAMES[DEFAULT]} | NAMES | {BOUNDS: "least squares"}
-FRICTIONS = {name: ", ".join(its).replace("coulomb", "Coulomb") for name, its in friction.FRICTIONS.items()}
+FRICTIONS = {
+    name: ", ".join(terms).replace("coulomb", "Coulomb") for name, terms in friction.FRICTIONS.items()
+}
 LOOKS = {  # models with their friction, keyed as in the protocol's tables
     URDF: Look(MODELS["urdf"], GREY),
     ("mlp", "none"): Look("MLP", ORANGE),
@@ -29,9 +31,9 @@ LOOKS = {  # models with their friction, keyed as in the protocol's tables
     ("delan", "viscous"): Look("DeLaN", PINK),
     (BEST, "viscous"): Look("Cov, viscous", LIGHT_BLUE),
 } | {
-    (kind, its): Look(f"{words}, {FRICTIONS[its].removeprefix('viscous, ')}", black or colour)
+    (kind, term): Look(f"{words}, {FRICTIONS[term].removeprefix('viscous, ')}", black or colour)
     for kind, words, black in ((BEST, "Cov", ""), (BOUNDS, "least squares", BLACK))
-    for its, colour in (("coulomb", BLUE), ("offset", GREEN), ("stiffness", OCHRE))
+    for term, colour in (("coulomb", BLUE), ("offset", GREEN), ("stiffness", OCHRE))
 }
 FEWEST_BLOCKS = 3  # an interval over fewer blocks is not reliable
 HEADLINES = ("nmse", "nmse_urdf", "limit_percent", "relative_percent", "norm_n_m", "load_kg", "load_carried")
@@ -194,8 +196,8 @@ def motion_findings(results: MotionResults) -> Findings:
     """Findings of the page; what the logs cannot decide is unknown."""
     find = Findings("blocks of motion")
     rows = _models(results) | _drives(results) | _load(results) | results.whole_errors(results.best)
-    for name, its in rows.items():
-        evidence = _evidence(its) or unknown(MISSING.get(name, ""))
+    for name, row in rows.items():
+        evidence = _evidence(row) or unknown(MISSING.get(name, ""))
         find.add(name, evidence, unit=UNITS.get(name, ""), headline=name in HEADLINES)
     written = results["written"]["difference_n_m"]
     find.among("joints").exact("written_torques", float(written.max()), len(written), unit="N m")
@@ -208,7 +210,10 @@ def motion_findings(results: MotionResults) -> Findings:
 def _evidence(row: Row) -> Found:
     """Evidence of a row; intervals of several cases hold jointly."""
     if isinstance(row, Mapping):
-        return {case: one.evidence(len(row)) if isinstance(one, Drawn) else one for case, one in row.items()}
+        return {
+            case: value.evidence(len(row)) if isinstance(value, Drawn) else value
+            for case, value in row.items()
+        }
     return row.evidence() if isinstance(row, Drawn) else row
 
 
@@ -224,9 +229,9 @@ def _models(results: MotionResults) -> dict[str, Row]:
     consistent = [kind for kind in ("tri", "cov") if (kind, "coulomb") in levels]
     with_coulomb, last = test.loc[[(kind, "coulomb") for kind in consistent]], test.columns[-1]
     count, above = len(consistent), {}
-    for its, words in FRICTIONS.items():
-        if (BOUNDS, its) in levels:
-            ratios = [test.loc[kind, its] / test.loc[BOUNDS, its] for kind in consistent]
+    for terms, words in FRICTIONS.items():
+        if (BOUNDS, terms) in levels:
+            ratios = [test.loc[kind, terms] / test.loc[BOUNDS, terms] for kind in consistent]
             above[words] = exact(max(ratio.max() for ratio in ratios), count * len(better))
     return {
         "nmse": levels[results.best],
@@ -268,8 +273,8 @@ def _drives(results: MotionResults) -> dict[str, Row]:
     return {
         "delays": {f"joint {joint}": results.drive(protocol.DELAY, joint) for joint in results.joints},
         "assumed_gains": {
-            f"joint {joint}": results.drive(protocol.IN_MOTION, joint).over(found)
-            for joint, found in gains.items()
+            f"joint {joint}": results.drive(protocol.IN_MOTION, joint).over(gain)
+            for joint, gain in gains.items()
         },
     }
 

@@ -162,10 +162,10 @@ def motion_tables(results: MotionResults) -> dict[str, Table]:
     }
     if further:
         rows = [
-            {"log": log, "model": model_words(key)} | its.loc[key].add_prefix("joint_").to_dict()
-            for log, its in ((log, results.errors[log]) for log in further)
+            {"log": log, "model": model_words(key)} | errors.loc[key].add_prefix("joint_").to_dict()
+            for log, errors in ((log, results.errors[log]) for log in further)
             for key in (URDF, *RIVALS, best, results.bounds)
-            if key in its.index
+            if key in errors.index
         ]
         tables["motion_further"] = shown(pd.DataFrame(rows))
     if "choice" in results:

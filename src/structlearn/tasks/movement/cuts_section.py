@@ -108,13 +108,13 @@ def primitive_lengths(demonstrations: dict[str, Demonstration], segmentation: Se
     """Durations and lengths of the primitives, one row each."""
     rows = []
     for name, cuts in segmentation.results.items():
-        ways = []
-        for one, cut in cuts.iterrows():
-            run = demonstrations[str(one)]
+        lengths = []
+        for demonstration, cut in cuts.iterrows():
+            run = demonstrations[str(demonstration)]
             ticks = [min(round(cut[end] / run.dt), len(run.time) - 1) for end in ENDS]
-            ways.append(1e3 * np.linalg.norm(np.subtract(*run.position[ticks])))
+            lengths.append(1e3 * np.linalg.norm(np.subtract(*run.position[ticks])))
         durations = cuts["end_s"] - cuts["start_s"]
-        rows.append((name, durations.mean(), durations.min(), durations.max(), np.mean(ways)))
+        rows.append((name, durations.mean(), durations.min(), durations.max(), np.mean(lengths)))
     return pd.DataFrame(rows, columns=["primitive", "mean_s", "shortest_s", "longest_s", "way_mm"])
 
 

@@ -76,9 +76,9 @@ def learn_feedback(
     for name in parameters.primitives:
         own = {label: parts[name] for label, parts in cuts.items()}
         primitive = primitives[names.index(name)]
-        datasets[name], found = coupling_dataset(corrections, own, primitive, traces[name], parameters)
+        datasets[name], check = coupling_dataset(corrections, own, primitive, traces[name], parameters)
         levels[name] = level_dataset(executions, nominal[name], traces[name], parameters, LEVEL)
-        checks.append(found.assign(primitive=name))
+        checks.append(check.assign(primitive=name))
     networks, scores = _learned(datasets, levels, parameters)
     return LearnedFeedback(traces, datasets, networks, pd.concat(checks, ignore_index=True), scores)
 

@@ -53,13 +53,13 @@ def segmented(
         assert cutting is not None
         return cut(runs, cutting)
     names = [run.name for run in runs]
-    its = {
+    about = {
         "demonstration": names,
         "primitive": names if presegmented == PARTS else presegmented,
         "method": RESULT,
     }
     return Segmentation(
-        cuts=pd.DataFrame(its | {"start_s": 0.0, "end_s": [float(run.time[-1]) for run in runs]}),
+        cuts=pd.DataFrame(about | {"start_s": 0.0, "end_s": [float(run.time[-1]) for run in runs]}),
         pairs=pd.DataFrame(columns=PAIR_COLUMNS),
         left_out=pd.DataFrame(columns=["demonstration", "reason"]),
         warnings=pd.DataFrame(columns=WARNING_COLUMNS).astype({"number": float}),
@@ -134,9 +134,9 @@ def reproduction(
     tables = [cross_validation(runs, cuts, parameters, fold).assign(scaled=True)]
     published = parameters.model_copy(update={"scaled_axes": (False,) * 3})
     spread: dict[tuple[str, str], float] = {}
-    for name, its in cuts.items():
-        segments = segment_paths(runs, its, parameters.smoothing_hz)
-        names = [run.name for run in runs if run.name in its.index]
+    for name, own in cuts.items():
+        segments = segment_paths(runs, own, parameters.smoothing_hz)
+        names = [run.name for run in runs if run.name in own.index]
         primitive = learn_primitive(name, segments, published)
         errors = reproduction_errors(primitive, segments)
         keys = {"primitive": name, "demonstration": names, "regression": parameters.regression}
@@ -236,14 +236,14 @@ def learn_traces(
         recorded = without_offset(part.signal("tactile"), parts[0].signal("tactile"))
         primitives[part.name] = fit_expected_traces([recorded], part.dt, smoothing_hz)
         expected = expected_traces(primitives[part.name], len(recorded), part.dt)
-        its = pd.DataFrame({"primitive": part.name, "electrode": np.arange(1, recorded.shape[1] + 1)})
+        about = pd.DataFrame({"primitive": part.name, "electrode": np.arange(1, recorded.shape[1] + 1)})
         errors = {
             "range": np.ptp(recorded, axis=0),
             "rms": np.sqrt(np.mean((expected - recorded) ** 2, axis=0)),
             "nmse": metrics.nmse(expected, recorded),
         }
-        scores.append(its.assign(**errors))
+        scores.append(about.assign(**errors))
         values = {"recorded": recorded.T.ravel(), "expected": expected.T.ravel()}
-        each = its.loc[its.index.repeat(len(recorded))]
-        traces.append(each.assign(time_s=np.tile(part.time, len(its)), **values))
+        each = about.loc[about.index.repeat(len(recorded))]
+        traces.append(each.assign(time_s=np.tile(part.time, len(about)), **values))
     return primitives, pd.concat(scores, ignore_index=True), pd.concat(traces, ignore_index=True)

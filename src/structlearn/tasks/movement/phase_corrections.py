@@ -79,12 +79,12 @@ def runs_with_coupling(
     runs: Sequence[Demonstration], nominal: PositionPrimitive, smoothing_hz: float
 ) -> list[CorrectedRun]:
     """Corrected runs with the coupling term that each requires of the nominal primitive."""
-    found = []
+    corrected = []
     for run in runs:
         path = in_local_frame(differentiated(run.position, run.dt, smoothing_hz), nominal.frame)
         target = position_target(path, nominal.local, goal=path.position[-1])
-        found.append(CorrectedRun(run.name, path, target))
-    return found
+        corrected.append(CorrectedRun(run.name, path, target))
+    return corrected
 
 
 def phase_networks(
@@ -158,31 +158,31 @@ def learn_corrections(
     fraction = np.linspace(0.0, 1.0, SAMPLES)
     clock = {"fraction": fraction, "phase": canonical.phase(fraction, canonical.TAU_PER_DURATION)[0]}
     networks, profiles = [], []
-    found: dict[str, list[pd.DataFrame]] = {"distances": [], "scores": [], "paths": []}
+    frames: dict[str, list[pd.DataFrame]] = {"distances": [], "scores": [], "paths": []}
     for split in range(parameters.splits):
         seen, unseen = _split(len(runs), split)
         networks.append(phase_networks([runs[place].target for place in seen], parameters.kernel_count))
         coupled = np.array([_curve(adapted_path(nominal, runs[at].path, networks[-1])) for at in unseen])
         paths = {"nominal": unchanged[unseen], "coupling": coupled, "spread": curves[seen].mean(axis=0)}
         away = {
-            f"{name}_mm": 1e3 * np.linalg.norm(its - curves[unseen], axis=-1) for name, its in paths.items()
+            f"{name}_mm": 1e3 * np.linalg.norm(path - curves[unseen], axis=-1) for name, path in paths.items()
         }  # (M, S) each
         profiles.append(pd.DataFrame({name: mm.mean(axis=0) for name, mm in away.items()}))
         names = [runs[place].name for place in unseen]
         distances = {name: mm.mean(axis=1) for name, mm in away.items()}
         distances |= {"end_share": _end_share(away["coupling_mm"]), "split": split}
-        found["distances"].append(pd.DataFrame({"run": names, "learned_from": len(seen)} | distances))
-        found["scores"].append(_scores(networks[-1], targets[unseen]).assign(split=split))
+        frames["distances"].append(pd.DataFrame({"run": names, "learned_from": len(seen)} | distances))
+        frames["scores"].append(_scores(networks[-1], targets[unseen]).assign(split=split))
         if split == 0:
             shown = {"recorded": curves[unseen], "nominal": paths["nominal"], "coupling": coupled}
-            found["paths"] = [
+            frames["paths"] = [
                 pd.DataFrame(
                     {"run": name, "path": kind, "fraction": fraction} | dict(zip(AXES, curve.T, strict=True))
                 )
-                for kind, its in shown.items()
-                for name, curve in zip(names, its, strict=True)
+                for kind, path in shown.items()
+                for name, curve in zip(names, path, strict=True)
             ]
-    tables = {name: pd.concat(its, ignore_index=True) for name, its in found.items()}
+    tables = {name: pd.concat(parts, ignore_index=True) for name, parts in frames.items()}
     tables["profile"] = pd.DataFrame(
         clock | {name: np.mean([profile[name] for profile in profiles], axis=0) for name in profiles[0]}
     )

@@ -45,7 +45,7 @@ def primitives_section(files: TaskFiles) -> Section:
     errors = error_summary(reproduction)
     sequences = {title: files.table(f"primitives/{name}") for name, title in TITLES.items()}
     left_out = errors[errors["demonstrations"] == "left out"]
-    told = left_out if len(left_out) else errors
+    quoted = left_out if len(left_out) else errors
     pictures: dict[str, Drawing | Sequence[Drawing]] = {}
     if own.presegmented in (None, PARTS):
         pictures["space"] = sequence_in_space(runs, sequences[TITLES["nominal"]])
@@ -63,7 +63,7 @@ def primitives_section(files: TaskFiles) -> Section:
         ]
     facts = {
         "own": own,
-        "worst": told.loc[told["mean_mm"].idxmax()].to_dict(),
+        "worst": quoted.loc[quoted["mean_mm"].idxmax()].to_dict(),
         "jump": max(map(largest_acceleration_jump, sequences.values())),
         "names": list(cuts),
         "turns": "mean_deg" in errors,
@@ -183,8 +183,8 @@ def turns_section(files: TaskFiles) -> Section | None:
     single_deg, all_deg = single["mean_deg"].mean(), joint["mean_deg"].item()
     find.exact(f"{primitive.name}_mean_deg_single", single_deg, unit="degrees")
     find.exact(f"{primitive.name}_mean_deg_joint", all_deg, unit="degrees", headline=True)
-    for kind, its in (("single", single), ("joint", joint)):
-        find.exact(f"{primitive.name}_end_deg_{kind}", its["end_deg"].max(), unit="degrees")
+    for kind, rows in (("single", single), ("joint", joint)):
+        find.exact(f"{primitive.name}_end_deg_{kind}", rows["end_deg"].max(), unit="degrees")
     turned = {"least_turn": single["turn_deg"].min(), "most_turn": single["turn_deg"].max()}
     return Section(
         "turns",

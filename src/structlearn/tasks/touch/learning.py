@@ -70,7 +70,7 @@ def learn_touch(
     weighed = [log for log in logs if log.force is not None and np.isfinite(log.force).any()]
     if parameters.force is None:
         weighed = []
-    pressed = [log for log in logs if not any(log is one for one in weighed)]
+    pressed = [log for log in logs if not any(log is other for other in weighed)]
     runs, recordings = gathered(pressed, parameters) if pressed else ([], pd.DataFrame())
     parts: dict[str, list[pd.DataFrame]] = {"recordings": [recordings]}
 

@@ -79,7 +79,7 @@ def force_errors(
             print(f"skin: {log.name} left aside: {count} presses on the scale are too few to leave some out")
     judge = partial(_run_errors, runs=runs, parameters=parameters, known=known)
     judged = parallel_map(judge, runs, "forces", local=True)
-    parts = ([table for one in judged for table in one[part]] for part in range(3))
+    parts = ([table for tables in judged for table in tables[part]] for part in range(3))
     errors, lags, traces = (
         pd.concat(tables, ignore_index=True) if tables else pd.DataFrame() for tables in parts
     )
@@ -105,7 +105,7 @@ def _run_errors(
         table, _ = _press_errors(lagging.part(left_out), models)
         errors.append(table.assign(test_run=run.name, new=NEW_PRESSES))
     models = _models(own, parameters.penalties) | {PROCESS: _process(own, known)}
-    for other in (one for one in runs if one.name != run.name):
+    for other in (another for another in runs if another.name != run.name):
         tested = weighed_presses(other, lags, parameters.pressed_n)
         table, forces = _press_errors(tested, models)
         errors.append(table.assign(test_run=other.name, new=NEW_RUN))

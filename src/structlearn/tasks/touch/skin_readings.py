@@ -94,8 +94,8 @@ def within_runs(logs: Sequence[TouchLog], share: float) -> pd.DataFrame:
         candidates = SEEN if log.force is None else SEEN | SEEN_OVER_TIME
         seen = {name: inputs(log)[kept] for name, inputs in candidates.items()}
         tried = {
-            name: np.mean(_end_errors(its[:end], wanted[:end], 1.0 - (1.0 - share) / share) ** 2)
-            for name, its in seen.items()
+            name: np.mean(_end_errors(part[:end], wanted[:end], 1.0 - (1.0 - share) / share) ** 2)
+            for name, part in seen.items()
         }
         best = min(tried, key=lambda name: tried[name])
         missed = _end_errors(seen[best], wanted, share)
@@ -172,19 +172,19 @@ def readings(learned: TrainedTouch, known: tuple[Touches, np.ndarray], tested: P
         spaces.autoencoders.encoder.forward(samples).transpose(1, 2).double().numpy() for samples in inputs
     ]
     decoded = spaces.autoencoders.decoder.forward(as_tensor(states[1]).transpose(1, 2)).transpose(1, 2)
-    found = []
+    estimates = []
     for (structure, seed), *latent, signals in zip(spaces.keys(), *states, decoded.numpy(), strict=True):
-        one = map_of(*latent) if structure else space(PLAIN, *latent)
-        found.append(replace(one, seed=seed, decoded=signals))
+        estimate = map_of(*latent) if structure else space(PLAIN, *latent)
+        estimates.append(replace(estimate, seed=seed, decoded=signals))
     middle = seen.mean(axis=0)
     axes = np.linalg.svd(seen - middle, full_matrices=False)[2][:DIMENSIONS]
     components = [(signals - middle) @ axes.T for signals in (seen, new)]
-    found.append(replace(space(COMPONENTS, *components), decoded=components[1] @ axes + middle))
+    estimates.append(replace(space(COMPONENTS, *components), decoded=components[1] @ axes + middle))
     read = gaussian_process(seen, wanted, parameters.rival_samples)(new)
-    found.append(Reading(PROCESS, read[:, :PLANE], read[:, :PLANE], read[:, PLANE]))
+    estimates.append(Reading(PROCESS, read[:, :PLANE], read[:, :PLANE], read[:, PLANE]))
     if np.std(wanted[:, PLANE]) < NEVER_VARIES:  # a run of one depth holds no other
-        found = [replace(one, depth=np.nan) for one in found]
-    return found
+        estimates = [replace(estimate, depth=np.nan) for estimate in estimates]
+    return estimates
 
 
 def polynomial(known: np.ndarray, wanted: np.ndarray, degree: int) -> Estimate:

@@ -90,13 +90,13 @@ def gathered(logs: Sequence[TouchLog], parameters: TouchParameters) -> tuple[lis
         touches.append(Touches(log.name, counts, place, parameters))
     if not parameters.apart:
         every, places = (
-            np.concatenate([getattr(one, name) for one in touches]) for name in ("counts", "place")
+            np.concatenate([getattr(part, name) for part in touches]) for name in ("counts", "place")
         )
         touches = [Touches(TOGETHER, every, places, parameters)]
-    if sum(len(one.counts) for one in touches) < 2:
+    if sum(len(part.counts) for part in touches) < 2:
         raise InputError(f"{parameters.source}: nothing touches: no pressure reaches {parameters.touched:g}")
     table = pd.DataFrame(rows, columns=["recording", "samples", "touching"])
-    return [_thinned(one, parameters) for one in touches], table
+    return [_thinned(part, parameters) for part in touches], table
 
 
 def _thinned(touches: Touches, parameters: TouchParameters) -> Touches:

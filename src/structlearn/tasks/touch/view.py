@@ -87,10 +87,10 @@ def _send_maps(to: Recording, maps: pd.DataFrame, paths: pd.DataFrame | None) ->
 
 
 def _send_forces(to: Recording, traces: pd.DataFrame) -> None:
-    its = of_pair(traces, traces)
+    rows = of_pair(traces, traces)
     for name, column, colour in (("scale", "force_n", ORANGE), ("estimated from the skin", "read_n", BLUE)):
-        path, time = entity("force", name), its["time_s"].to_numpy()
-        to.series(path, time, its[column].to_numpy(), name, colour)
+        path, time = entity("force", name), rows["time_s"].to_numpy()
+        to.series(path, time, rows[column].to_numpy(), name, colour)
 
 
 def write_slides(
