@@ -46,13 +46,13 @@ class BaseParameters:
         return [_formula(row, column, tree.names) for row, column in pairs]
 
 
-def base_parameters(tree: KinematicTree, seed: int = 0) -> BaseParameters:
+def base_parameters(tree: KinematicTree) -> BaseParameters:
     """Base parameters of a robot, from the rank of its regressor at random states within the limits.
 
     Columns are processed from base to tip. A column that depends on earlier ones is distributed among them,
-    so inertia of a link is added to the links that carry it. The result does not depend on the seed.
+    so inertia of a link is added to the links that carry it. The result does not depend on the states drawn.
     """
-    q, qd, qdd = _random_states(tree, np.random.default_rng(seed))
+    q, qd, qdd = _random_states(tree, np.random.default_rng(0))
     stacked = torque_regressor(tree, q, qd, qdd).reshape(q.size, -1)
     (triangle,) = qr(stacked, mode="r")  # the same linear dependencies in fewer rows
     columns = _independent(triangle[: stacked.shape[1]])

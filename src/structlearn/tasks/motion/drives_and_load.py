@@ -99,7 +99,7 @@ def drive_tables(
 
 
 def log_on_clock(
-    log: DriveLog, rate_hz: float, delays_s: np.ndarray, max_gap_s: float = MAX_GAP_S
+    log: DriveLog, rate_hz: float, delays_s: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
     """Resample a log to a uniform clock (`clock.on_one_clock`), shifting each joint's current by its delay.
 
@@ -115,7 +115,7 @@ def log_on_clock(
         Stream("currents", "joint_torques", log.stamps - late[place], log.currents[:, [place[-1]]])
         for place in np.ndindex(late.shape)
     ]
-    time, (positions, velocities, *currents) = on_one_clock(log.name, streams, rate_hz, max_gap_s)
+    time, (positions, velocities, *currents) = on_one_clock(log.name, streams, rate_hz, MAX_GAP_S)
     stacked = np.stack([current[:, 0] for current in currents]).reshape(*late.shape, -1)
     return time, positions, velocities, np.ascontiguousarray(np.swapaxes(stacked, -1, -2))
 
