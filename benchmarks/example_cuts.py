@@ -20,13 +20,13 @@ from timing import at_least_one
 
 from dissertation.simulation.hand_noise import hand_noise
 from dissertation.simulation.pick_and_place import MOVES, SLOW, as_recording, session, takes
-from structlearn.core import minimum_jerk
 from structlearn.core.errors import InputError
 from structlearn.core.parallel import parallel_map
+from structlearn.core.signals import minimum_jerk
 from structlearn.readers import synchronise
 from structlearn.readers.demonstration import Demonstration
 from structlearn.segmentation import SegmentParameters, cut
-from structlearn.segmentation.repeats import split
+from structlearn.segmentation.repeats import split_repeats
 from structlearn.tasks.task_entry import read_task
 
 KINDS = {
@@ -80,7 +80,7 @@ def of_session(seed: int, ends: str) -> pd.DataFrame:
     recorded = synchronise(as_recording(take), 200.0)
     chosen, method = ENDS[ends]
     try:
-        parts, table = split([recorded], cutting(moves, chosen), None)
+        parts, table = split_repeats([recorded], cutting(moves, chosen), None)
     except InputError as fault:
         return pd.DataFrame([{"seed": seed, "made": repeats, "fault": str(fault)}])
     row = {"seed": seed, "made": repeats, "found": len(parts)}
@@ -111,14 +111,12 @@ def wiping(seed: int, count: int = 5) -> list[Demonstration]:
         begins, dt = rng.uniform(0.5, 1.0), 1 / 200
         lifts = begins + down + strokes
         time = np.arange(0.0, lifts + up + rng.uniform(0.5, 1.0), dt)
-        lowered = minimum_jerk.progress(np.clip((time - begins) / down, 0, 1))
-        raised = minimum_jerk.progress(np.clip((time - lifts) / up, 0, 1))
+        lowered = minimum_jerk(np.clip((time - begins) / down, 0, 1))
+        raised = minimum_jerk(np.clip((time - lifts) / up, 0, 1))
         wiped = time - begins - 0.6 * down
         fades = np.clip(np.minimum(wiped, lifts + 0.4 * up - time) / 0.4, 0, 1)
         stroke = 2 * np.pi * wiped / rng.uniform(1.2, 2.0)
-        side, along = (
-            0.1 * minimum_jerk.progress(fades) * np.array([np.sin(stroke), (seed % 2) * np.cos(stroke)])
-        )
+        side, along = 0.1 * minimum_jerk(fades) * np.array([np.sin(stroke), (seed % 2) * np.cos(stroke)])
         height = 0.25 - 0.255 * lowered + rng.uniform(0.2, 0.3) * raised  # pressed in by 5 mm
         position = np.stack([0.1 * lowered - 0.05 * raised + along, side, height], axis=1)
         contact = time[height < 0]

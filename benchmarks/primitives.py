@@ -28,7 +28,7 @@ from primitive_inputs import (
 )
 from timing import Case, Contender
 
-from structlearn.core.compiled_calls import call
+from structlearn.core.compilation import call
 from structlearn.feedback.models.pmnn import PhaseModulatedNetwork
 from structlearn.primitives import canonical, kernels, trajectory, transformation
 from structlearn.primitives.kernels import KERNEL_COUNT

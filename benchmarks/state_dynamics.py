@@ -12,9 +12,10 @@ import numpy as np
 from arm_motions import IIWA, SAMPLES, iiwa, relative_error
 from timing import Case, Contender
 
+from dissertation.simulation import compiled_chain
+from dissertation.simulation.compiled_chain import ChainState
 from structlearn.core.compilation import numba
-from structlearn.rigid_body import compiled_chain, compiled_dynamics
-from structlearn.rigid_body.compiled_chain import Workspace
+from structlearn.rigid_body import compiled_dynamics
 from structlearn.rigid_body.robot import Robot
 from structlearn.rigid_body.tree import RobotArrays, robot_arrays
 
@@ -85,7 +86,7 @@ def forward_batch() -> Case:
 
 @numba.njit
 def _accelerations(
-    arrays: RobotArrays, q: np.ndarray, qd: np.ndarray, torques: np.ndarray, work: Workspace
+    arrays: RobotArrays, q: np.ndarray, qd: np.ndarray, torques: np.ndarray, work: ChainState
 ) -> np.ndarray:
     """Accelerations (N, n) at positions, velocities and torques (N, n)."""
     found = torques.copy()
@@ -95,7 +96,7 @@ def _accelerations(
     return found
 
 
-def _simulated(robot: Robot) -> tuple[RobotArrays, Workspace]:
+def _simulated(robot: Robot) -> tuple[RobotArrays, ChainState]:
     return robot_arrays(robot.tree, robot.inertias), compiled_chain.workspace(len(robot.tree.names))
 
 

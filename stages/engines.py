@@ -13,13 +13,14 @@ from dissertation.dynamics.world.joint_logs import (
     perturbed_robot_log,
 )
 from dissertation.scraping.protocol.execution_scores import ExecutionParameters
-from dissertation.scraping.protocol.executions import corrected_runs, execute_run
+from dissertation.scraping.protocol.executions import execute_run, runs_to_correct
 from dissertation.scraping.world import scraping_robot
 from dissertation.scraping.world.execution import Advance
 from dissertation.scraping.world.scraping_world import World, load
 from dissertation.scraping.world.testbed import TestbedParameters
 from dissertation.simulation.arm import ArmParameters
 from dissertation.simulation.bullet_arm import BulletArm, differences
+from dissertation.simulation.compiled_chain import kinematics
 from structlearn.core.artefacts import write_csv
 from structlearn.core.params import Population
 from structlearn.core.stage import run, stage_parameters
@@ -27,7 +28,6 @@ from structlearn.feedback.skill import ReactiveSkill
 from structlearn.primitives.primitive_files import read_primitives
 from structlearn.readers.demonstration import Recording
 from structlearn.readers.joint_log import JointLog
-from structlearn.rigid_body.compiled_chain import kinematics
 
 COMPARED_S = 8.0
 """Duration of the compared part of a joint log: all joints move in it, some reverse."""
@@ -43,7 +43,7 @@ def corrected_execution() -> pd.DataFrame:
     settings = stage_parameters("record_corrections", ExecutionParameters).settings_deg
     testbed = stage_parameters("testbed", TestbedParameters)
     skill = ReactiveSkill(read_primitives("data/primitives/scraping/primitives.safetensors"))
-    (one,) = corrected_runs([max(settings)], 1)
+    (one,) = runs_to_correct([max(settings)], 1)
     runs = [_felt(execute_run(one, 0, skill, testbed, engine)) for engine in (None, in_pybullet)]
     return differences(f"scraping, {max(settings):g} degrees, corrected by a person", *runs)
 

@@ -7,7 +7,7 @@ import numpy as np
 from committed import committed
 from scraping_motions import NAMES, scraping_skill
 
-from dissertation.scraping.protocol.board_refinement import Board
+from dissertation.scraping.protocol.board_refinement import BoardEnvironment
 from dissertation.scraping.protocol.execution_scores import nominal_orientation
 from dissertation.scraping.protocol.executions import execute_run, nominal_runs
 from dissertation.scraping.world.testbed import TestbedParameters
@@ -29,7 +29,7 @@ def small_board():
     skill = scraping_skill()
     (run,) = nominal_runs(1)
     nominal = synchronise(execute_run(run, 0, skill, TESTBED), RATE_HZ)
-    return Board(
+    return BoardEnvironment(
         skill=replace(skill, networks={}, limits=LIMITS),
         preceding={},
         name="turn",

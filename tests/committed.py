@@ -11,7 +11,7 @@ from typing import Any, TypeVar
 import pytest
 import yaml
 
-from dissertation.simulation.fingers import TouchParameters
+from dissertation.simulation.fingers import PinchParameters
 from dissertation.simulation.touch import FingerParameters, TouchFingerParameters
 from structlearn.core.params import Parameters, merged
 from structlearn.readers.source import TopicMap
@@ -95,7 +95,7 @@ def committed_entry(name: str, **changes: Any) -> Any:
 def committed_finger(**changes: Any) -> FingerParameters:
     """The finger that touches, with its electrodes."""
     own = committed(TouchFingerParameters, "touch_finger")
-    electrodes = committed(TouchParameters, "testbed.touch")
+    electrodes = committed(PinchParameters, "testbed.touch")
     return own.with_electrodes_of(electrodes).model_copy(update=changes)
 
 

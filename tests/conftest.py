@@ -11,8 +11,7 @@ import readers_bags
 from hypothesis import settings
 from reduced_pipeline import by_hand, clone
 
-from structlearn.core import quaternion
-from structlearn.core.minimum_jerk import progress
+from structlearn.core import quaternion, signals
 from structlearn.core.parallel import BACKEND
 from structlearn.feedback import models
 from structlearn.readers.demonstration import Demonstration
@@ -75,7 +74,7 @@ def recorded_data() -> Path:
 
 def minimum_jerk(fraction: np.ndarray) -> np.ndarray:
     """From 0 to 1 with speed and acceleration zero at both ends."""
-    return progress(np.clip(fraction, 0.0, 1.0))
+    return signals.minimum_jerk(np.clip(fraction, 0.0, 1.0))
 
 
 def two_move_demonstration(name: str, stretch: float = 1.0, rest: float = 0.5) -> Demonstration:

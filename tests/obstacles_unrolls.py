@@ -60,4 +60,4 @@ LIMITS = committed(PostprocessingParameters, "obstacle_evaluation.postprocessing
 
 def unroll(primitive, model, obstacles, dt, postprocessing=LIMITS, **options):
     """An unroll whose feedback is limited as in the pipeline."""
-    return avoiding_unroll.unroll(primitive, model, obstacles, dt, postprocessing, **options)
+    return avoiding_unroll.unroll_avoiding(primitive, model, obstacles, dt, postprocessing, **options)

@@ -74,7 +74,7 @@ def evaluation():
     shown, *others = PEOPLE
     learner = avoidance_protocols.Learner(shown, PRIMITIVE, models, own_scenarios(PLACES, PEOPLE)[shown])
     found = [
-        avoidance_protocols.evaluate((learner, one), TESTED, shown)
+        avoidance_protocols.evaluate_avoidance((learner, one), TESTED, shown)
         for one in avoidance_protocols.situations(PLACES, PRIMITIVE, TESTED)
     ]
     scores, paths = (pd.concat(parts, ignore_index=True) for parts in zip(*found, strict=True))

@@ -8,12 +8,12 @@ import pandas as pd
 from committed import committed
 from conftest import minimum_jerk
 
+from dissertation.scraping.protocol.cut_sweep import downsampling_effect
 from structlearn.core import quaternion
 from structlearn.primitives import sequence
 from structlearn.primitives.fitting import FitParameters, cross_validation, learn_sequence
 from structlearn.readers.demonstration import Demonstration
 from structlearn.segmentation.alignment import METHODS
-from structlearn.segmentation.cut_errors import downsampling_effect
 from structlearn.segmentation.parameters import PrimitiveParameters, SegmentParameters
 from structlearn.segmentation.segments import cut
 

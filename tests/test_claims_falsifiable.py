@@ -42,10 +42,10 @@ from dissertation.recorded.calibration.calibration_section import find_calibrati
 from dissertation.recorded.coupling.page import representation_findings
 from dissertation.scraping.page import findings as scraping
 from dissertation.scraping.page.findings import ScrapingPeople
+from dissertation.scraping.protocol.cut_sweep import downsampling_effect
 from dissertation.servoing.page import findings as servoing_findings
 from structlearn.reporting.evidence import Evidence, Found
 from structlearn.reporting.findings import Findings
-from structlearn.segmentation.cut_errors import downsampling_effect
 from structlearn.tasks.motion.motion_results import MotionResults, motion_findings
 from structlearn.tasks.obstacles.page import SceneWays, scene_findings
 

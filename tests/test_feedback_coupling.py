@@ -10,7 +10,12 @@ from primitives_movements import for_few_rngs, for_rngs, ramp, reach, wobbly_tur
 
 from structlearn.core import quaternion
 from structlearn.core.errors import InputError
-from structlearn.feedback.corrected_paths import corrected_paths, coupling_response, split, unrolled_error
+from structlearn.feedback.corrected_paths import (
+    corrected_paths,
+    coupling_response,
+    split_demonstrations,
+    unrolled_error,
+)
 from structlearn.feedback.coupling import orientation_target, position_target
 from structlearn.feedback.coupling_dataset import CouplingDataset, concatenated
 from structlearn.feedback.models.ffnn import FeedForwardNetwork
@@ -218,7 +223,7 @@ def test_a_network_knocked_off_is_put_right_from_the_path_alone():
     teacher = untrained(paths, seed=1)
     said = teacher.coupling(paths.deviation, *paths.phase)
     exact = dataclasses.replace(paths, target=np.ones_like(said), correction=said @ paths.response.T)
-    training, validation = split(exact, 0.2, seed=0)
+    training, validation = split_demonstrations(exact, 0.2, seed=0)
     noise = 1.0 + 0.5 * np.random.default_rng(0).normal(size=25)
     start = dataclasses.replace(teacher, output_weights=noise * teacher.output_weights)
     only_path = QUICK.model_copy(update={"coupling_loss_weight": 0.0})
@@ -227,7 +232,7 @@ def test_a_network_knocked_off_is_put_right_from_the_path_alone():
 
 
 def test_a_training_that_leads_astray_keeps_the_initial_network():
-    training, validation = split(random_paths(), 0.3, seed=0)
+    training, validation = split_demonstrations(random_paths(), 0.3, seed=0)
     start = train_unrolled(training, validation, untrained(training), QUICK)
     wild = QUICK.model_copy(update={"steps": 3, "learning_rate": 10.0})
     assert train_unrolled(training, validation, start, wild) is start

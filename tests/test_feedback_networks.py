@@ -9,7 +9,7 @@ from feedback_skills import random_skill
 from feedback_toy import toy_dataset
 
 from dissertation.scraping.protocol.feedback_models import NETWORKS
-from structlearn.core.compiled_calls import kernel
+from structlearn.core.compilation import kernel
 from structlearn.core.errors import InputError
 from structlearn.feedback.coupling_dataset import leave_one_out
 from structlearn.feedback.coupling_model import (

@@ -14,7 +14,7 @@ from structlearn.core.errors import InputError
 from structlearn.feedback.models.pmnn import open_loop
 from structlearn.feedback.runtime import Controller
 from structlearn.feedback.skill import Limits, ReactiveSkill, Workspace, demonstrated_workspace, on_axis
-from structlearn.feedback.skill_file import UNITS, provenance, read_provenance, read_skill, write_skill
+from structlearn.feedback.skill_file import UNITS, read_provenance, read_skill, skill_provenance, write_skill
 from structlearn.primitives.twist_swing import fit_twist_swing
 from structlearn.verify import SKILL
 
@@ -222,12 +222,12 @@ def test_provenance_knows_every_bag_and_every_parameter(tmp_path):
     (tmp_path / "bags/5/two.mcap").write_bytes(b"2")
     (tmp_path / "log.mcap").write_bytes(b"1")
     sources = [tmp_path / "bags", tmp_path / "log.mcap"]
-    first = provenance(sources, {"fit": {"kernels": 25, "hz": 5.0}, "axes": ["z"]})
+    first = skill_provenance(sources, {"fit": {"kernels": 25, "hz": 5.0}, "axes": ["z"]})
     assert list(first["bags"]) == ["bags/5/two.mcap", "bags/one.mcap", "log.mcap"]
     assert first["bags"]["bags/one.mcap"] == first["bags"]["log.mcap"]
     assert first["version"] == __version__
-    assert first == provenance(sources, {"axes": ["z"], "fit": {"hz": 5.0, "kernels": 25}})
-    other = provenance(sources, {"fit": {"kernels": 25, "hz": 5.0}, "axes": ["y"]})
+    assert first == skill_provenance(sources, {"axes": ["z"], "fit": {"hz": 5.0, "kernels": 25}})
+    other = skill_provenance(sources, {"fit": {"kernels": 25, "hz": 5.0}, "axes": ["y"]})
     assert other["parameters"] != first["parameters"]
     (tmp_path / "bags/5/two.mcap").write_bytes(b"3")
-    assert provenance(sources, {})["bags"] != first["bags"]
+    assert skill_provenance(sources, {})["bags"] != first["bags"]

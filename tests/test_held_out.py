@@ -48,7 +48,7 @@ import structlearn
 from dissertation.dynamics.protocol.trainings import (
     DynamicsTrainingParameters,
     EpochLimits,
-    train,
+    train_all,
     trainings,
 )
 from dissertation.obstacles.protocol import avoidance_fits, avoidance_scores
@@ -71,10 +71,9 @@ from dissertation.scraping.protocol.feedback_models import (
 from structlearn.avoidance import scene_models
 from structlearn.avoidance.avoidance_dataset import AvoidanceDataParameters
 from structlearn.avoidance.network_training import held_out_rows
-from structlearn.avoidance.scene_folds import learn_past_obstacles
 from structlearn.core.artefacts import write_table
 from structlearn.core.parallel import BACKEND
-from structlearn.feedback.corrected_paths import SAMPLES, corrected_paths, split
+from structlearn.feedback.corrected_paths import SAMPLES, corrected_paths, split_demonstrations
 from structlearn.feedback.coupling_dataset import (
     CouplingDataset,
     concatenated,
@@ -90,7 +89,7 @@ from structlearn.primitives.position import fit_position
 from structlearn.primitives.trajectory import differentiated
 from structlearn.readers.demonstration import Demonstration
 from structlearn.readers.joint_log import DriveLog
-from structlearn.readers.user_tables import TouchLog
+from structlearn.readers.touch_log import TouchLog
 from structlearn.rigid_body.dynamics_training import LearningParameters
 from structlearn.rigid_body.motion import Motion
 from structlearn.rigid_body.payload import PayloadLearningParameters, learn_payload
@@ -99,15 +98,17 @@ from structlearn.tactile import latent_comparison
 from structlearn.tactile.latent_parameters import LatentParameters
 from structlearn.tactile.pressed_skin import PressedSkin, held_out
 from structlearn.tactile.touch_dataset import TRAIN
-from structlearn.tasks.motion import joint_motion
-from structlearn.tasks.motion.joint_motion import choose_networks, learn_motion
+from structlearn.tasks.motion import learning as motion_learning
+from structlearn.tasks.motion.learning import choose_networks, learn_motion
 from structlearn.tasks.motion.parameters import LEARNED, NetworkChoiceParameters
 from structlearn.tasks.movement import feedback_learning
 from structlearn.tasks.movement.movement_learning import segmented
 from structlearn.tasks.movement.parameters import TaskFeedbackParameters
-from structlearn.tasks.movement.phase_corrections import _split, corrected_runs, learn_corrections
+from structlearn.tasks.movement.phase_corrections import _split, learn_corrections, runs_with_coupling
+from structlearn.tasks.obstacles.learning import learn_past_obstacles
 from structlearn.tasks.project import STAGES
-from structlearn.tasks.touch import skin_force, skin_protocol, skin_readings, surface_traces
+from structlearn.tasks.touch import learning as touch_learning
+from structlearn.tasks.touch import skin_force, skin_readings, surface_traces
 from structlearn.tasks.touch.skin_touches import learn_skin
 from structlearn.tasks.touch.surface_traces import deviations_from_expected
 from structlearn.tasks.touch.touch_names import MAGNITUDES, NEW_TRIALS
@@ -134,7 +135,7 @@ FITS_ALL = {
     "call those that have a case": "transfer.compare_sets motion.learn touch.learn obstacles.learn "
     "parts.learn avoidance_fits._errors fitting.learn_sequence fitting.cross_validation "
     "autoencoded.train pca.train pca.train_on_codes",
-    "what is compared with itself": "movement_learning.reproduction movement_learning.turns "
+    "what is compared with itself": "movement_learning.reproduction movement_learning.turn_errors "
     "drives_and_load.payload_check touch_calibration.variance_shares trainings._once_through",
     "traces of all runs that are given": "feedback_learning.learn_feedback movement_learning.learn_traces",
     "searches by rollouts": "sample_efficiency._advance",
@@ -143,8 +144,8 @@ FITS_ALL = {
 """Why functions that fit have no case."""
 
 LEARNERS = (
-    r"_?(fit|learn|train)(_\w+)?|\w*[Ll]earner|\w+_trainer|lstsq|least_squares|svd|PCA|polynomial"
-    r"|\w+_process|own_units"
+    r"_?(fit|learn|train)(_\w+)?|\w*[Ll]earner|\w+_trainer|lstsq|unconstrained_minimiser|svd|PCA|polynomial"
+    r"|\w+_process|own_units|levenberg_marquardt"
 )
 SEPARATES = r"held_out|left_out|leave_one_out|TRAIN|[Ff]olds?|judged"
 """Names of what fits, and names in modules of methods that hold something out."""
@@ -288,7 +289,7 @@ def corrections(monkeypatch, tmp_path):
     learned, left_out = _split(len(higher()), 0)
 
     def learn(demonstrations):
-        found = corrected_runs(demonstrations, nominal, 20.0)
+        found = runs_with_coupling(demonstrations, nominal, 20.0)
         return learn_corrections(found, nominal.local, arcs.PARAMETERS)[0]
 
     return Case(learn, higher(), higher(left_out[0]), higher(learned[0]))
@@ -313,13 +314,13 @@ def expected_of_slides(monkeypatch, tmp_path):
     return [Case(learn, data, slid(held_out), trained_on) for held_out in ("mat_3", "cork_1")]
 
 
-@of_stage("tasks/touch", fits="surface_traces.leave_one_out")
+@of_stage("tasks/touch", fits="surface_traces.left_out_deviations")
 def slides_left_out(monkeypatch, tmp_path):
     learn = each(
         monkeypatch,
         surface_traces,
         "fit_expected_traces",
-        lambda its: surface_traces.leave_one_out(its, SLIDES),
+        lambda its: surface_traces.left_out_deviations(its, SLIDES),
     )
     return Case(lambda its: learn(its)[1], slid(), slid("mat_2"), slid("mat_1"))
 
@@ -383,7 +384,7 @@ def start_of_unrolled_feedback(monkeypatch, tmp_path):
     paths = corrected_paths(data, SAMPLES)
     trained_on, chooses = (
         np.isin(data.demonstration, part.demonstration)
-        for part in split(paths, FEEDBACK.validation_share, FEEDBACK.unrolled.seed)
+        for part in split_demonstrations(paths, FEEDBACK.validation_share, FEEDBACK.unrolled.seed)
     )
     learn = each(
         monkeypatch,
@@ -529,14 +530,14 @@ def unhindered_reach(monkeypatch, tmp_path):
     return Case(learn, sets, [sets[0], *(moved(its, 0) for its in sets[1:])], [moved(sets[0], 0), *sets[1:]])
 
 
-@of_stage("obstacles/train", fits="avoidance_fits.learn learned_models.train_phase_modulated")
+@of_stage("obstacles/train", fits="avoidance_fits.learn_avoidance learned_models.train_phase_modulated")
 def avoidance(monkeypatch, tmp_path):
     """Networks and ensembles, of each setting, each shape and all; Rai et al.; phase-modulated ones."""
     data = toy_reaches(scenarios=len(SCENARIOS), samples=20)
     held = held_out_rows(data, AVOIDANCE.split)
 
     def learn(dataset):
-        return avoidance_fits.learn({7: dataset}, SCENARIOS, AVOIDANCE, modulated=7)[0]
+        return avoidance_fits.learn_avoidance({7: dataset}, SCENARIOS, AVOIDANCE, modulated=7)[0]
 
     tested = with_wobbling(data, held, "features", "target")
     return Case(learn, data, tested, with_wobbling(data, ~held, "target"))
@@ -566,7 +567,7 @@ def coupling_of_samples(monkeypatch, tmp_path):
     return Case(lambda its: learn(its)[1::2], data, tested, trained_on)
 
 
-@of_stage("tasks/obstacles", fits="scene_folds.judge_folds")
+@of_stage("tasks/obstacles", fits="obstacles.judge_folds")
 def reaches_past_boxes(monkeypatch, tmp_path):
     """Of three people, on one of whom constants were chosen: what was learned without the second."""
     boxes = test_tasks_obstacles
@@ -578,7 +579,12 @@ def reaches_past_boxes(monkeypatch, tmp_path):
             for number, (bow, x) in enumerate(((0.12, 0.0), (0.01, -0.2)))
         ]
 
-    learn = each(monkeypatch, scene_models, "learn", lambda its: learn_past_obstacles(its, boxes.PARAMETERS))
+    learn = each(
+        monkeypatch,
+        scene_models,
+        "learn_scene_models",
+        lambda its: learn_past_obstacles(its, boxes.PARAMETERS),
+    )
     return Case(lambda its: learn(its)[0][0], trials(), trials(1), trials(2))
 
 
@@ -611,7 +617,7 @@ def dynamics(monkeypatch, tmp_path):
     }
 
     def learn(motions):
-        models = train(trainings((11, 12), parameters), motions, arm().tree, parameters)[0]
+        models = train_all(trainings((11, 12), parameters), motions, arm().tree, parameters)[0]
         return {name: its for name, its in models.items() if "/12/" not in name}
 
     changed = [data | {name: pushed(data[name], slice(None))} for name in ("perturbed/12", "perturbed/11")]
@@ -650,8 +656,7 @@ def learned_motion(folder: Path, robot, logs, parameters):
 
 @of_stage(
     "tasks/motion",
-    fits="model_comparison.identify_arm model_comparison._learned joint_motion.fitness_tables "
-    "joint_motion.gravity_check",
+    fits="model_comparison.identify_arm model_comparison._learned motion.fitness_tables motion.gravity_check",
 )
 def arms(monkeypatch, tmp_path):
     """Of the last log, and of the rest of a single one; a filter would reach over borders."""
@@ -715,7 +720,7 @@ def ur10e(monkeypatch, tmp_path):
     return Case(learn, data, changed("test", "trainLoad"), changed("train"))
 
 
-@of_stage("tasks/motion", fits="joint_motion._tried")
+@of_stage("tasks/motion", fits="motion._tried")
 def settings_of_networks(monkeypatch, tmp_path):
     """The end of the training motion chooses among networks of its start."""
     parameters = NetworkChoiceParameters(
@@ -725,7 +730,7 @@ def settings_of_networks(monkeypatch, tmp_path):
     tree, data = arm().tree, motion_with_friction(arm()).part(slice(0, 100))
     learn = each(
         monkeypatch,
-        joint_motion,
+        motion_learning,
         "DynamicsModels",
         lambda its: choose_networks(tree, its, parameters),
     )
@@ -792,7 +797,7 @@ def latent_spaces(monkeypatch, tmp_path):
     data = toy_touches(contacts=10, samples=200)
     geodesics = toy_geodesics(data, bins=1, size=800)
     return Case(
-        lambda its: of_comparison(latent_comparison.learn(its, geodesics, LATENT)),
+        lambda its: of_comparison(latent_comparison.learn_latent_spaces(its, geodesics, LATENT)),
         data,
         with_wobbling(data, data.split != TRAIN, *READINGS),
         with_wobbling(data, data.split == TRAIN, *READINGS),
@@ -849,7 +854,7 @@ SKIN = committed_entry(
 )
 
 
-@of_stage("tasks/touch", fits="skin_protocol._whole skin_readings.place_errors skin_touches.learn_skin")
+@of_stage("tasks/touch", fits="touch._whole skin_readings.place_errors skin_touches.learn_skin")
 def recorded_skin(monkeypatch, tmp_path):
     """Of one run: without the blocks of a fold, and of the whole beside another run."""
     toy = test_touch_skin
@@ -859,8 +864,10 @@ def recorded_skin(monkeypatch, tmp_path):
     def changed(run, rows):
         return swapped(data, run, with_wobbling(data[run], rows, "counts"))
 
-    learn = each(monkeypatch, skin_readings, "learn_skin", lambda logs: skin_protocol.learn_touch(logs, SKIN))
-    whole = each(monkeypatch, skin_protocol, "learn_skin", learn)
+    learn = each(
+        monkeypatch, skin_readings, "learn_skin", lambda logs: touch_learning.learn_touch(logs, SKIN)
+    )
+    whole = each(monkeypatch, touch_learning, "learn_skin", learn)
     one_block = changed(0, fold == 0)
     yield Case(lambda its: whole(its)[0], data, changed(1, slice(None)), one_block)
     yield Case(lambda its: learn(its)[0], data, one_block, changed(0, fold == 1))

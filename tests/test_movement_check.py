@@ -19,7 +19,7 @@ from structlearn.core.errors import InputError
 from structlearn.feedback.skill import ReactiveSkill, Workspace
 from structlearn.primitives.transformation import ALPHA, BETA
 from structlearn.reporting.document import Document, Panel, Source, render
-from structlearn.rigid_body.arm_kinematics import JointPath, read_arm, read_shapes
+from structlearn.rigid_body.arm_kinematics import JointPath, read_arm, read_collision_shapes
 from structlearn.rigid_body.urdf import named_files, urdf_path
 from structlearn.tasks.movement import check_results, check_section, skill_check
 from structlearn.tasks.movement.parameters import Placement
@@ -140,7 +140,7 @@ def test_advice_was_tried(nominal_alone):
     assert re.match(
         r"acceleration of panda_joint\d is [\d.]+ rad/s² at [\d.]+ s \(as demonstrated\), its bound 3$", fault
     )
-    assert f"advice: {found.advice}" in check_results.lines(found)
+    assert f"advice: {found.advice}" in check_results.check_lines(found)
 
 
 BOTH = "workspace_margin_m smaller by {} m and corrections of at most {}% of their bounds"
@@ -171,7 +171,7 @@ def test_what_is_tried_follows_from_what_fails(failing, expected):
     margins = pd.DataFrame(rows, columns=["kind", "quantity", "margin", "verdict", "run"])
     check = check_results.SkillCheck(margins, {}, (), check_results.NOTHING_TRIED)
     skill = replace(pick_skill(("x",)), workspace=Workspace(np.zeros(3), np.full(3, 0.2)))
-    found = list(skill_check.changes(skill, check))
+    found = list(skill_check.remedies(skill, check))
     assert [change for change, *_ in found] == expected
     for change, changed, slower in found:
         assert (slower > 1.0) == ("durations" in change)
@@ -290,7 +290,7 @@ def test_a_robot_is_known_with_every_mesh_that_its_check_reads(tmp_path, monkeyp
     urdf = tmp_path / "robot/arm.urdf"
     urdf.write_text(f"<robot name='arm'>{''.join(parts)}<plugin filename='absent.so'/></robot>")
     arm = read_arm(urdf, links[-1])
-    shapes = read_shapes(arm, (), np.zeros(len(links) - 1)).meshes.geometryObjects
+    shapes = read_collision_shapes(arm, (), np.zeros(len(links) - 1)).meshes.geometryObjects
     read = {shape.name.removesuffix("_0"): Path(shape.meshPath) for shape in shapes}
     assert {name: read[link] for name, link in zip(names, links, strict=True)} == named_files(urdf)
     before = file_digests(str(urdf), meshes=True)

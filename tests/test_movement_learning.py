@@ -85,7 +85,7 @@ def test_a_turn_is_learned_from_each_run_and_from_all(runs):
 
     turned = [replace(one, orientation=turning(len(one.time))) for one in runs[:3]]
     (primitive,) = learn_sequence(turned, learning.segmented(turned, "turn", None).results, FIT)
-    table = learning.turns(turned, primitive, FIT)
+    table = learning.turn_errors(turned, primitive, FIT)
     assert table["learned_from"].tolist() == ["0", "1", "2", "all"]
     assert table["turn_deg"].between(345.0, 350.0).all()
     assert table["mean_deg"].max() < 2.0

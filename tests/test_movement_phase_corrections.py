@@ -7,7 +7,7 @@ import pytest
 from committed import committed
 
 from structlearn.core.errors import MissingInputError
-from structlearn.core.minimum_jerk import progress
+from structlearn.core.signals import minimum_jerk
 from structlearn.primitives import kernels
 from structlearn.primitives.position import fit_position
 from structlearn.primitives.trajectory import differentiated
@@ -19,10 +19,10 @@ from structlearn.tasks.movement.phase_corrections import (
     adapted_path,
     complete,
     completeness,
-    corrected_runs,
     learn_corrections,
     phase_coupling,
     phase_networks,
+    runs_with_coupling,
     typical_paths,
 )
 
@@ -42,7 +42,7 @@ def arc(name, height, duration=0.8, dt=0.002, shift=0.0):
     time = dt * np.arange(round(duration / dt) + 1)
     s = (time / time[-1])[:, None]
     lift = 64 * height * s**3 * (1 - s) ** 3 * np.array([0.0, 0.0, 1.0])
-    return Demonstration(name, time, START + shift + (GOAL - START) * progress(s) + lift)
+    return Demonstration(name, time, START + shift + (GOAL - START) * minimum_jerk(s) + lift)
 
 
 @pytest.fixture(scope="module")
@@ -57,7 +57,7 @@ def higher(heights, nominal):
         arc(str(place), height, 0.6 + 0.05 * place, shift=0.01 * place)
         for place, height in enumerate(heights)
     ]
-    return corrected_runs(demonstrations, nominal, 20.0)
+    return runs_with_coupling(demonstrations, nominal, 20.0)
 
 
 @pytest.fixture(scope="module")
@@ -139,7 +139,7 @@ def test_nominal_and_coupling_weights_are_those_of_a_primitive_of_the_corrected_
 
 def test_typical_paths_go_from_the_mean_start_to_the_mean_goal_in_the_mean_time(nominal):
     demonstrations = [arc("1", 0.2, 0.6), arc("2", 0.2, 0.8, shift=0.02)]
-    networks = phase_networks([one.target for one in corrected_runs(demonstrations, nominal, 20.0)])
+    networks = phase_networks([one.target for one in runs_with_coupling(demonstrations, nominal, 20.0)])
     paths = typical_paths(nominal, demonstrations, networks)
     for path in paths.values():
         np.testing.assert_allclose(path.position[0], START + 0.01, atol=1e-9)
@@ -163,7 +163,7 @@ def test_incomplete_reaches_are_those_whose_ends_are_off_the_nominal_ones(nomina
 def test_coupling_ends_at_the_goal_of_the_run(nominal):
     higher_and_farther = arc("1", 0.2)
     position = START + 1.2 * (higher_and_farther.position - START)
-    (reach,) = corrected_runs([replace(higher_and_farther, position=position)], nominal, 20.0)
+    (reach,) = runs_with_coupling([replace(higher_and_farther, position=position)], nominal, 20.0)
     path = adapted_path(nominal.local, reach.path, phase_networks([reach.target]))
     assert np.abs(path.position[-1] - reach.path.position[-1]).max() < 1e-3
     assert path.position[:, 2].max() == pytest.approx(reach.path.position[:, 2].max(), abs=2e-3)

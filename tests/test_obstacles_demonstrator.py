@@ -33,13 +33,13 @@ from dissertation.obstacles.world.scenarios import (
 from structlearn.avoidance.avoidance_dataset import (
     AvoidanceDataParameters,
     avoidance_dataset,
+    avoidance_from_table,
+    avoidance_table,
     baseline_axes,
     fit_baseline,
-    from_table,
     samples,
     smooth_path,
     to_local,
-    to_table,
 )
 from structlearn.avoidance.shapes import SHAPES, obstacle
 from structlearn.core.artefacts import read_table, write_table
@@ -285,8 +285,8 @@ def test_unrolled_with_its_target_the_baseline_is_the_demonstration(primitive, s
 
 
 def test_a_table_gives_the_dataset_back(dataset, tmp_path):
-    write_table(to_table(dataset), tmp_path / "samples.parquet")
-    read = from_table(read_table(tmp_path / "samples.parquet"))
+    write_table(avoidance_table(dataset), tmp_path / "samples.parquet")
+    read = avoidance_from_table(read_table(tmp_path / "samples.parquet"))
     for name, values in vars(dataset).items():
         np.testing.assert_array_equal(getattr(read, name), values)
         assert getattr(read, name).dtype == values.dtype
@@ -311,7 +311,7 @@ def test_bad_demonstrations_and_clouds_are_refused(primitive, sets):
     short = Demonstration("short", np.arange(4) / 25, np.zeros((4, 3)))
     with pytest.raises(InputError, match="short: 4 samples are too few for a reach"):
         samples(short, scenario.obstacle.cloud(), primitive, PARAMETERS)
-    with pytest.raises(InputError, match="has no points"):
+    with pytest.raises(ValueError, match="has no points"):
         samples(demonstration, np.empty((0, 3)), primitive, PARAMETERS)
     with pytest.raises(InputError, match="there are no demonstrations"):
         avoidance_dataset([], primitive, PARAMETERS)

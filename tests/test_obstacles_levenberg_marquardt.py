@@ -42,7 +42,7 @@ def test_minima_are_as_good_as_scipys(monkeypatch):
         reference.append(
             2.0 * least_squares(residuals, start, method="lm", max_nfev=3000).cost / samples.target.size
         )
-        trained = lm.train(layers, samples, parameters, samples)
+        trained = lm.levenberg_marquardt(layers, samples, parameters, samples)
         found.append(lm.squared_error(trained, samples) / samples.target.size)
     assert min(found) < 1.2 * min(reference)
     assert np.median(found) < 1.5 * np.median(reference)
@@ -56,7 +56,7 @@ def test_linear_problem_is_solved_in_closed_form(monkeypatch):
     best, *_ = np.linalg.lstsq(inputs, samples.target, rcond=None)
     start = lm.initial_layers((3, 2), rng)
     parameters = chosen(rule="validation")
-    (found,) = lm.train(start, samples, parameters, samples)
+    (found,) = lm.levenberg_marquardt(start, samples, parameters, samples)
     np.testing.assert_allclose(found, best, atol=1e-6)
 
 
@@ -64,10 +64,10 @@ def test_validation_keeps_the_weights_that_did_best_there(monkeypatch):
     samples, held = problem(30, noise=0.3), problem(300, noise=0.0, seed=1)
     parameters = chosen(rule="validation", iterations=80)
     layers = lm.initial_layers((3, 20, 10, 2), np.random.default_rng(0))
-    stopped = lm.train(layers, samples, parameters, held)
+    stopped = lm.levenberg_marquardt(layers, samples, parameters, held)
     monkeypatch.setattr(lm, "PATIENCE", 80)
-    best = lm.train(layers, samples, parameters, held)
-    overfitted = lm.train(layers, samples, parameters, samples)
+    best = lm.levenberg_marquardt(layers, samples, parameters, held)
+    overfitted = lm.levenberg_marquardt(layers, samples, parameters, samples)
     errors = [lm.squared_error(found, held) for found in (best, stopped, overfitted)]
     assert errors[0] <= errors[1] < errors[2]
 
@@ -76,8 +76,8 @@ def test_evidence_finds_the_noise_and_does_not_overfit(monkeypatch):
     monkeypatch.setattr(lm, "PATIENCE", 60)
     samples, held = problem(60, noise=0.3), problem(400, noise=0.0, seed=1)
     layers = lm.initial_layers((3, 20, 10, 2), np.random.default_rng(0))
-    regular = lm.train(layers, samples, chosen(iterations=60))
-    free = lm.train(layers, samples, chosen(rule="validation"), samples)
+    regular = lm.levenberg_marquardt(layers, samples, chosen(iterations=60))
+    free = lm.levenberg_marquardt(layers, samples, chosen(rule="validation"), samples)
     assert lm.squared_error(regular, held) < 0.5 * lm.squared_error(free, held)
     errors = [lm.squared_error(found, samples) / samples.target.size for found in (free, regular)]
     assert errors[0] < errors[1] < 2.0 * 0.3**2
@@ -87,7 +87,7 @@ def test_dead_nodes_and_too_few_samples_do_no_harm():
     layers = lm.initial_layers((3, 20, 10, 2), np.random.default_rng(0))
     layers[0][-1] = -100.0  # no node of the first layer is ever active
     samples = problem(5)
-    found = lm.train(layers, samples, chosen(iterations=20))
+    found = lm.levenberg_marquardt(layers, samples, chosen(iterations=20))
     assert all(np.isfinite(layer).all() for layer in found)
 
 

@@ -8,11 +8,11 @@ from scipy.sparse.csgraph import dijkstra
 
 from structlearn.avoidance import look_ahead
 from structlearn.avoidance.features import MIRROR
-from structlearn.avoidance.scene_folds import nearest_path_distance, same_gaps
 from structlearn.avoidance.scene_reaches import SceneLearningParameters
 from structlearn.avoidance.shapes import Obstacle, recorded_obstacle
 from structlearn.core.frames import local_frame
 from structlearn.readers.demonstration import NamedShape
+from structlearn.tasks.obstacles.learning import nearest_path_distance, same_gaps
 
 PARAMETERS = committed(SceneLearningParameters, "defaults.obstacles").look_ahead
 START, GOAL = np.array([0.0, -0.25, 0.8]), np.array([0.02, 0.17, 0.78])
@@ -28,19 +28,19 @@ WALL = [box(-0.13, -0.05, 0.2), box(0.37, -0.05, 0.2)]
 
 def test_in_the_open_the_cost_is_the_distance():
     free = PARAMETERS.model_copy(update={"nearness_cost": 0.0})
-    scene = look_ahead.cost_to_go([], START, GOAL, free)
+    scene = look_ahead.scene_cost_to_go([], START, GOAL, free)
     points = np.random.default_rng(0).uniform([0.0, -0.25], [0.02, 0.15], (200, 2))
     straight = np.linalg.norm(points - GOAL[:2], axis=1)
     assert np.abs(scene.at(points) - straight).max() < 0.5 * look_ahead.CELL_M
-    ways = scene.ways(points[:20], [0.05, 5.0])
-    assert np.allclose(ways[:, 1], GOAL[:2], atol=1e-9)
+    paths = scene.paths(points[:20], [0.05, 5.0])
+    assert np.allclose(paths[:, 1], GOAL[:2], atol=1e-9)
     there = np.minimum(0.05 / straight[:20], 1.0)[:, None]
-    assert np.abs(ways[:, 0] - (points[:20] + there * (GOAL[:2] - points[:20]))).max() < 0.01
+    assert np.abs(paths[:, 0] - (points[:20] + there * (GOAL[:2] - points[:20]))).max() < 0.01
 
 
 def test_costs_are_those_of_the_cheapest_ways_on_a_graph():
     """Dijkstra over 16 neighbours, whose ways are up to 3 % longer than free ones, on the same weights."""
-    scene = look_ahead.cost_to_go(WALL, START, GOAL, PARAMETERS)
+    scene = look_ahead.scene_cost_to_go(WALL, START, GOAL, PARAMETERS)
     count = scene.cost.shape
     axes = [low + scene.cell * np.arange(n) for low, n in zip(scene.origin, count, strict=True)]
     cells = np.stack(np.meshgrid(*axes, 0.5 * (START[2] + GOAL[2]), indexing="ij"), axis=-1)[:, :, 0]
@@ -64,20 +64,20 @@ def test_costs_are_those_of_the_cheapest_ways_on_a_graph():
 
 
 def test_the_way_leads_through_the_gap_and_keeps_clear():
-    scene = look_ahead.cost_to_go(WALL, START, GOAL, PARAMETERS)
-    way = scene.ways(START[None, :2], np.arange(0.005, 1.0, 0.005))[0]
-    assert np.allclose(way[-1], GOAL[:2])
-    crossing = way[np.abs(way[:, 1] + 0.05).argmin(), 0]
+    scene = look_ahead.scene_cost_to_go(WALL, START, GOAL, PARAMETERS)
+    path = scene.paths(START[None, :2], np.arange(0.005, 1.0, 0.005))[0]
+    assert np.allclose(path[-1], GOAL[:2])
+    crossing = path[np.abs(path[:, 1] + 0.05).argmin(), 0]
     assert abs(crossing - 0.12) < 0.02
-    at = np.column_stack([way, np.full(len(way), 0.79)])
+    at = np.column_stack([path, np.full(len(path), 0.79)])
     assert look_ahead.nearest_distance(WALL, at).min() > 0.025
-    steps = np.linalg.norm(np.diff(way, axis=0), axis=1)
+    steps = np.linalg.norm(np.diff(path, axis=0), axis=1)
     assert steps.max() < 0.00501  # distances are along the way
 
 
 def features_of(shapes, start=START, goal=GOAL, seed=3):
     frame, rng = local_frame(start, goal), np.random.default_rng(seed)
-    scene = look_ahead.cost_to_go(shapes, start, goal, PARAMETERS)
+    scene = look_ahead.scene_cost_to_go(shapes, start, goal, PARAMETERS)
     position, velocity = rng.normal((0.1, 0.0, 0.0), 0.03, (6, 3)), rng.normal(0, 0.5, (6, 3))
     to_goal = (goal - start) @ frame
     arguments = (start, frame, to_goal)
@@ -89,7 +89,7 @@ def test_features_are_in_the_local_frame_of_a_turned_reach():
     """In the open the path leads straight to the goal, wherever the reach points and the hand is."""
     start, goal = np.array([0.1, -0.1, 0.8]), np.array([0.45, 0.1, 0.8])
     frame = local_frame(start, goal)
-    scene = look_ahead.cost_to_go([], start, goal, PARAMETERS.model_copy(update={"nearness_cost": 0.0}))
+    scene = look_ahead.scene_cost_to_go([], start, goal, PARAMETERS.model_copy(update={"nearness_cost": 0.0}))
     position, velocity = np.array([[0.1, 0.05, 0.0], [0.2, -0.04, 0.01]]), np.full((2, 3), 0.3)
     to_goal, ahead = (goal - start) @ frame, np.array(look_ahead.AHEAD_M)
     found = look_ahead.scene_features(scene, position, velocity, start, frame, to_goal)
@@ -117,12 +117,12 @@ def test_round_and_turned_shapes_are_in_the_way_too():
     lying = recorded_obstacle(turned)
     assert lying.signed_distance(np.array([0.0, 0.04, 0.79])) < 0  # it now extends along y
     for shape in (lying, Obstacle("cylinder", np.array([0.0, -0.05, 0.79]), np.array([0.04, 0.04, 0.1]))):
-        scene = look_ahead.cost_to_go([shape], START, GOAL, PARAMETERS)
-        way = scene.ways(START[None, :2], np.arange(0.01, 1.0, 0.01))[0]
-        at = np.column_stack([way, np.full(len(way), 0.79)])
+        scene = look_ahead.scene_cost_to_go([shape], START, GOAL, PARAMETERS)
+        path = scene.paths(START[None, :2], np.arange(0.01, 1.0, 0.01))[0]
+        at = np.column_stack([path, np.full(len(path), 0.79)])
         assert shape.signed_distance(at).min() > 0.03
     above = Obstacle("sphere", np.array([0.01, -0.05, 1.5]), np.full(3, 0.05))
-    scene = look_ahead.cost_to_go([above], START, GOAL, PARAMETERS)
+    scene = look_ahead.scene_cost_to_go([above], START, GOAL, PARAMETERS)
     assert scene.at(START[None, :2])[0] < 1.01 * np.linalg.norm((GOAL - START)[:2])
 
 

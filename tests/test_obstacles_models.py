@@ -7,12 +7,16 @@ import pytest
 from committed import committed
 from sklearn.linear_model import ARDRegression
 
-from dissertation.obstacles.protocol.avoidance_fits import AvoidanceTrainingParameters, learn
+from dissertation.obstacles.protocol.avoidance_fits import AvoidanceTrainingParameters, learn_avoidance
 from dissertation.obstacles.world.scenarios import Scenario, own_scenarios
 from structlearn.avoidance import avoidance_network, learned_models, network_training, rai_2014
 from structlearn.avoidance.avoidance_dataset import AvoidanceDataset
-from structlearn.avoidance.features import features
-from structlearn.avoidance.network_training import EnsembleParameters, NetworkParameters, SplitParameters
+from structlearn.avoidance.features import obstacle_features
+from structlearn.avoidance.network_training import (
+    AvoidanceNetworkParameters,
+    EnsembleParameters,
+    SplitParameters,
+)
 from structlearn.avoidance.shapes import obstacle
 from structlearn.core import artefacts
 from structlearn.core.errors import InputError
@@ -123,14 +127,14 @@ def seen(to, velocity):
     """Features of a tiny obstacle in direction `to`, seen from the origin at tau 1."""
     to = np.asarray(to, dtype=float)
     cloud = to + 1e-9 * np.eye(3)
-    return features(np.zeros(3), np.asarray(velocity, dtype=float), 1.0, cloud, to)
+    return obstacle_features(np.zeros(3), np.asarray(velocity, dtype=float), 1.0, cloud, to)
 
 
 def random_states(count, seed=0):
     rng = np.random.default_rng(seed)
     to = rng.normal(size=(count, 3))
     cloud = to[:, None] + 0.05 * rng.normal(size=(count, 6, 3))
-    return features(np.zeros((count, 3)), rng.normal(size=(count, 3)), 1.0, cloud, to)
+    return obstacle_features(np.zeros((count, 3)), rng.normal(size=(count, 3)), 1.0, cloud, to)
 
 
 def test_effect_is_the_equation():
@@ -205,7 +209,7 @@ SPLIT = committed(SplitParameters, "obstacle_training.split", test_share=0.2)
 
 
 def chosen(**changes):
-    return committed(NetworkParameters, "obstacle_training.per_setting", **changes)
+    return committed(AvoidanceNetworkParameters, "obstacle_training.per_setting", **changes)
 
 
 def by_scenario(dataset):
@@ -324,7 +328,7 @@ def test_demonstrations_that_validate_do_not_train(monkeypatch):
         seen.extend([samples, validation])
         return ()
 
-    monkeypatch.setattr(network_training.lm, "train", train)
+    monkeypatch.setattr(network_training.lm, "levenberg_marquardt", train)
     parameters = chosen(training={"rule": "validation"} | QUICK)
     network_training.train_member(dataset, parameters, (0, 0))
     trains, validates = ({row.tobytes() for row in its.inputs} for its in seen)
@@ -356,7 +360,7 @@ SCENARIOS = [
     Scenario(number, obstacle(shape, np.zeros(3))) for shape in ("sphere", "cube") for number in (1, 2)
 ]
 CHANGES = {"hidden": (4,), "training": {"iterations": 4}}
-SMALL = committed(NetworkParameters, "obstacle_training.per_setting", **CHANGES)
+SMALL = committed(AvoidanceNetworkParameters, "obstacle_training.per_setting", **CHANGES)
 PARAMETERS = committed(
     AvoidanceTrainingParameters,
     "obstacle_training",
@@ -378,7 +382,7 @@ def datasets():
 
 @pytest.fixture(scope="module")
 def learned(datasets):
-    return learn(datasets, SCENARIOS, PARAMETERS, modulated=7)
+    return learn_avoidance(datasets, SCENARIOS, PARAMETERS, modulated=7)
 
 
 def test_settings_are_dealt_out_with_all_their_shapes():

@@ -14,7 +14,7 @@ from viewer_files import colour_of, contents, note, values, view_names
 
 from dissertation.evidence.claims import read_claims
 from dissertation.evidence.studies import Study
-from dissertation.obstacles.names import FREE, HIT, KINDS, SOURCES, model_name
+from dissertation.obstacles.names import FREE, HIT, KINDS, SOURCES, fitted_name
 from dissertation.obstacles.page.findings import ObstacleResults, findings, read_published
 from dissertation.obstacles.page.page import PACKAGE, document
 from dissertation.obstacles.page.page import people as hits_by_person
@@ -214,7 +214,7 @@ def test_claims_on_fits_follow_the_numbers(results, found):
     assert not re.search(r"\bnan\b", rendered(blind, unseen))
 
 
-UNSEEN = avoidance_protocols.unseen(PRIMITIVE)
+UNSEEN = avoidance_protocols.unseen_scenarios(PRIMITIVE)
 
 
 def own_scores():
@@ -286,7 +286,7 @@ def test_models_stand_beside_the_demonstrations_that_they_learned_from(tmp_path,
             assert rows[f"{scene}/hand"] == rows[f"{tab}/distance/{reach.model}/{label}"] == samples
             assert rows[f"{tab}/terms/{reach.model}/upwards/{label}"] == samples
             assert colour_of(path, f"{scene}/path", "LineStrips3D") == look.colour
-            assert f" {model_name(reach.model, reach.learned_from)} |" in note(path, f"/notes{tab}")
+            assert f" {fitted_name(reach.model, reach.learned_from)} |" in note(path, f"/notes{tab}")
         origins = values(path, f"{tab}/network/per\\ setting/coupling", "Arrows3D:origins")[0]
         np.testing.assert_allclose(origins, one.reaches[1].position[:: drawn.ARROW_EVERY], atol=1e-6)
         assert rows[f"{tab}/demonstrated\\ terms/to\\ the\\ left/1"] == 1

@@ -54,7 +54,7 @@ def closest(situation):
 
 
 def test_moving_spheres_are_where_the_unseen_ones_are_when_the_hand_is_there():
-    unseen = avoidance_protocols.unseen(baseline())
+    unseen = avoidance_protocols.unseen_scenarios(baseline())
     moving = avoidance_protocols.moving(baseline(), PARAMETERS)
     assert len(moving.numbers) == 2 * len(unseen.numbers)
     resting = np.tile(closest(unseen), 2)
@@ -71,7 +71,7 @@ def test_pairs_are_of_unseen_spheres_apart_from_each_other():
     assert len(found.numbers) == 12
     assert (second[:, 0] - first[:, 0] >= avoidance_protocols.PAIR_SPACING_M - 1e-9).all()
     assert len(np.unique(np.hstack([first, second]), axis=0)) == 12
-    grid = avoidance_protocols.unseen(baseline()).obstacles[0].centre
+    grid = avoidance_protocols.unseen_scenarios(baseline()).obstacles[0].centre
     for centres in (first, second):
         assert (np.linalg.norm(grid[:, None] - centres, axis=-1).min(axis=0) < 1e-12).all()
 
@@ -84,7 +84,7 @@ def test_the_goal_shifts_in_the_frame_of_the_reach():
 
 
 def test_models_meet_what_they_are_for():
-    known = avoidance_protocols.trained(SCENARIOS, "cube", baseline())
+    known = avoidance_protocols.trained_scenarios(SCENARIOS, "cube", baseline())
     found = list(avoidance_protocols.contenders(LEARNER, known))
     named = [(one.model, one.learned_from) for one in found]
     sources = ("setting", "cube", "all")
@@ -93,7 +93,7 @@ def test_models_meet_what_they_are_for():
     assert own.rows.tolist() == [False, True]
     np.testing.assert_array_equal(own.coupling.weights, STEERING["setting"].weights[[2]])
     assert all(one.rows.all() for one in (found[0], *found[2:]))
-    unknown = avoidance_protocols.contenders(LEARNER, avoidance_protocols.unseen(baseline()))
+    unknown = avoidance_protocols.contenders(LEARNER, avoidance_protocols.unseen_scenarios(baseline()))
     assert [one.learned_from for one in unknown] == ["", *SHAPES, "all"]
     stranger = replace(LEARNER, own=np.array([0]))
     assert "setting" not in [one.learned_from for one in avoidance_protocols.contenders(stranger, known)]
@@ -102,7 +102,9 @@ def test_models_meet_what_they_are_for():
 def test_every_contender_is_scored_in_every_situation_with_its_rules():
     primitive = LEARNER.baseline
     for situation in avoidance_protocols.situations(SCENARIOS, primitive, PARAMETERS):
-        scored, paths = avoidance_protocols.evaluate((LEARNER, situation), PARAMETERS, with_paths_of=5)
+        scored, paths = avoidance_protocols.evaluate_avoidance(
+            (LEARNER, situation), PARAMETERS, with_paths_of=5
+        )
         count = sum(int(one.rows.sum()) for one in avoidance_protocols.contenders(LEARNER, situation))
         both = situation.protocol in ("trained", "unseen")
         assert len(scored) == count * (1 + both)
@@ -173,7 +175,7 @@ def test_unrolls_are_scored_up_to_the_prescribed_end_and_their_goals_later_too()
     clouds = spheres(beside_the_reach(rng, 6))
     paths = unroll(primitive, random_network(rng, 40.0), [clouds], DT)
     bare = unroll(primitive, no_coupling, [clouds], DT).path.position
-    table, end, late = avoidance_scores.scores(paths, [clouds], bare), 80, 120
+    table, end, late = avoidance_scores.unroll_scores(paths, [clouds], bare), 80, 120
     position = paths.path.position
     for b in range(6):
         distances = np.linalg.norm(position[b, : end + 1] - clouds.centre[b], axis=1)

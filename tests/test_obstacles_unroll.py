@@ -19,7 +19,7 @@ from obstacles_unrolls import (
 from primitives_movements import few, quick, rngs
 
 from structlearn.avoidance.avoiding_unroll import GoalChange, no_coupling, strongest_pushes
-from structlearn.avoidance.features import SCALED_VELOCITY, TO_CENTRE, features
+from structlearn.avoidance.features import SCALED_VELOCITY, TO_CENTRE, obstacle_features
 from structlearn.avoidance.postprocessing import (
     PUBLISHED_ONLY,
     Deadline,
@@ -28,7 +28,6 @@ from structlearn.avoidance.postprocessing import (
     post_processed,
 )
 from structlearn.avoidance.shapes import constant_velocity
-from structlearn.core.errors import InputError
 from structlearn.primitives import canonical, transformation
 
 PRIMITIVE = baseline()
@@ -83,7 +82,7 @@ def test_it_agrees_with_the_primitive_s_own_loop_scenario_by_scenario(rng):
 
         def coupling(k, x, xd, points=points, centre=centre):
             p, u = canonical.phase(k * DT, TAU)
-            seen = features(x, xd, TAU, points, centre)
+            seen = obstacle_features(x, xd, TAU, points, centre)
             c = model(seen[None], np.array([p]), np.array([u]))[0]
             c = c * np.array([0, 1, 1]) * np.exp(-10 * max(x[0] - points[:, 0].max(), 0.0) ** 2)
             return np.zeros(3) if k == 0 or goal_x < points[:, 0].min() else c
@@ -160,7 +159,7 @@ def test_a_change_of_goal_adds_the_step_response_of_a_triple_pole():
 )
 def test_bad_input_is_refused_with_a_message(options, message):
     arguments = {"model": no_coupling, "obstacles": [spheres([[0.3, 0.1, 0.0]])], "dt": DT} | options
-    with pytest.raises(InputError, match=message):
+    with pytest.raises(ValueError, match=message):
         unroll(PRIMITIVE, **arguments)
 
 

@@ -14,7 +14,7 @@ from structlearn.readers import raw_messages
 from structlearn.readers.computed_pose import TransformSeries
 from structlearn.rigid_body.urdf import urdf_path
 from structlearn.tasks.inspection.proposal import from_home, task_name
-from structlearn.tasks.inspection.recordings_report import as_yaml, find_out, inspect
+from structlearn.tasks.inspection.recordings_report import as_yaml, find_out, inspect_source
 from structlearn.tasks.inspection.source_survey import frame_pairs
 from structlearn.tasks.project import ENTRIES
 from structlearn.tasks.task_entry import read_task
@@ -74,7 +74,7 @@ def test_the_proposed_entry_is_a_task_with_as_many_primitives_as_moves(tmp_path,
     source = tmp_path / f"{moves} moves"
     source.mkdir()
     write_takes(takes(11, moves, 3), source)
-    inspect(str(source), None, tmp_path / "entry.yaml")
+    inspect_source(str(source), None, tmp_path / "entry.yaml")
     text = capsys.readouterr().out
     entry = (tmp_path / "entry.yaml").read_text()
     assert text.endswith(entry)
@@ -149,7 +149,7 @@ def test_frames_are_listed_and_the_hand_is_the_end_of_what_moves(tmp_path, capsy
             ]
             rows.append(("/tf", kind, {"transforms": links}, stamp))
         write_bag(tmp_path / f"{number}.mcap", rows)
-    inspect(str(tmp_path), None, None)
+    inspect_source(str(tmp_path), None, None)
     text = capsys.readouterr().out
     (line,) = {line for line in text.splitlines() if line.startswith("  /tf ")}
     assert line.split()[1:6] == ["tf2_msgs/TFMessage", "400", "100", "Hz", "0.01"]
@@ -199,7 +199,7 @@ def test_topics_neither_steer_the_terminal_nor_write_an_entry_of_their_own(tmp_p
     bag = tmp_path / "bags" / "1.mcap"
     bag.parent.mkdir()
     write_bag(bag, sorted(rows, key=lambda row: row[3]))
-    inspect(str(bag.parent), None, tmp_path / "entry.yaml")
+    inspect_source(str(bag.parent), None, tmp_path / "entry.yaml")
     printed, entry = capsys.readouterr().out, (tmp_path / "entry.yaml").read_text()
     for text in (printed, entry):
         assert all(line.isprintable() for line in text.split("\n"))
@@ -305,7 +305,7 @@ NONE = {
 def test_a_bag_without_a_path_of_a_hand_has_no_entry(tmp_path, capsys, name):
     messages, words = NONE[name]
     write_bag(tmp_path / "1.mcap", messages)
-    inspect(str(tmp_path), PANDA if name == "joints" else None, tmp_path / "entry.yaml")
+    inspect_source(str(tmp_path), PANDA if name == "joints" else None, tmp_path / "entry.yaml")
     text = capsys.readouterr().out
     assert words in text
     assert "No entry can be proposed" in text
@@ -342,7 +342,7 @@ def test_damaged_files_are_left_out_and_named(example, tmp_path, capsys):
     for path in sorted(example.iterdir()):
         content = path.read_bytes()
         (tmp_path / path.name).write_bytes(content[:-100] if path.stem == "02" else content)
-    inspect(str(tmp_path), None, None)
+    inspect_source(str(tmp_path), None, None)
     text = capsys.readouterr().out
     assert len([line for line in text.splitlines() if line.startswith("02: left out: ")]) == 1
     assert "Can all files be read?" in text
@@ -350,9 +350,9 @@ def test_damaged_files_are_left_out_and_named(example, tmp_path, capsys):
     for path in tmp_path.iterdir():
         path.write_bytes(b"nothing")
     with pytest.raises(InputError, match=r"01\.mcap"):
-        inspect(str(tmp_path), None, None)
+        inspect_source(str(tmp_path), None, None)
     with pytest.raises(InputError, match="no such"):
-        inspect(str(tmp_path / "nowhere"), None, None)
+        inspect_source(str(tmp_path / "nowhere"), None, None)
 
 
 def test_a_name_for_the_task_is_one_for_folders_and_the_home_folder_is_not_written_out(tmp_path, monkeypatch):

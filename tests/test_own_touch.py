@@ -8,9 +8,9 @@ from committed import NO_TOPICS, TASK_FILE, merged
 
 from structlearn.core.errors import InputError
 from structlearn.readers.demonstration import Demonstration
-from structlearn.readers.user_tables import TouchLog, read_touch_table, touch_of, touch_tables
+from structlearn.readers.touch_log import TouchLog, read_touch_table, touch_of, touch_tables
+from structlearn.tasks.touch.learning import learn_touch
 from structlearn.tasks.touch.parameters import TouchParameters
-from structlearn.tasks.touch.skin_protocol import learn_touch
 from structlearn.tasks.touch.skin_touches import gathered
 
 CHANNELS_MM = tuple((x, y) for x in (0.0, 10.0, 20.0) for y in (0.0, 10.0, 20.0))

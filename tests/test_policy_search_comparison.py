@@ -16,7 +16,7 @@ from dissertation.scraping.protocol.sample_efficiency import (
     ComparisonParameters,
     EvolutionStrategy,
     PathIntegralSearch,
-    compare,
+    compare_searches,
 )
 from structlearn.core.errors import InputError
 from structlearn.feedback.models.pmnn import open_loop
@@ -31,7 +31,7 @@ PARAMETERS = ComparisonParameters(budget=120, seeds=2, evaluation_runs=3)
 
 def compared(environment=None, **changes):
     parameters = PARAMETERS.model_copy(update=changes)
-    return compare(environment or MadeUp(), START, EXPLORATION, SEARCH, parameters)
+    return compare_searches(environment or MadeUp(), START, EXPLORATION, SEARCH, parameters)
 
 
 @pytest.fixture(scope="module")

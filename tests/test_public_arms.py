@@ -16,7 +16,7 @@ from structlearn.readers.joint_log import DriveLog
 from structlearn.rigid_body.model_comparison import LEAST_SQUARES
 from structlearn.tasks.motion import parameters as protocol
 from structlearn.tasks.motion.drives_and_load import found_gains
-from structlearn.tasks.motion.joint_motion import CARRIES, learn_motion, logs_that_are_there, read_arm
+from structlearn.tasks.motion.learning import CARRIES, learn_motion, logs_that_are_there, read_task_arm
 from structlearn.tasks.motion.motion_results import MotionResults, motion_findings
 from structlearn.tasks.motion.page import motion_facts, motion_tables
 
@@ -114,7 +114,7 @@ def test_other_logs_take_the_place_of_those_that_are_missing():
 def identified(name: str, logs: list, folder, **changes) -> SimpleNamespace:
     """Tables of a public set by name, with reduced settings."""
     chosen = committed_entry(name, urdf=str(recorded_data(name) / f"{name}.urdf"), draws=100, **changes)
-    robot, urdf = read_arm(chosen)
+    robot, urdf = read_task_arm(chosen)
     _, tables = learn_motion(robot, {log.name: log for log in logs}, chosen, urdf, folder)
     return SimpleNamespace(**tables, robot=robot, chosen=chosen, urdf=folder / "identified.urdf")
 

@@ -410,16 +410,16 @@ def test_rates_gaps_and_disorder_are_numbers():
     steps = np.tile([8, 12], 100) * MS
     steps[150] = 500 * MS
     stamps = np.append(0, np.cumsum(steps))
-    found = survey.stamps_of(stamps)
+    found = survey.stamp_statistics(stamps)
     assert (found.count, found.repeated, found.backward) == (201, 0, 0)
     assert found.rate_hz == pytest.approx(1e3 / 12)  # by the median step
     assert found.largest_gap_s == pytest.approx(0.5)
     assert found.gap_at_s == pytest.approx(1e-9 * stamps[150])
     stamps[[20, 21]] = stamps[[21, 20]]
     stamps[40] = stamps[39]
-    found = survey.stamps_of(stamps)
+    found = survey.stamp_statistics(stamps)
     assert (found.backward, found.repeated) == (1, 1)
-    assert np.isnan(survey.stamps_of(np.array([7])).rate_hz)
+    assert np.isnan(survey.stamp_statistics(np.array([7])).rate_hz)
 
 
 def test_delays_of_the_log_behind_the_header(tmp_path):

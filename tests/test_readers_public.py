@@ -13,7 +13,7 @@ from structlearn.core import quaternion
 from structlearn.core.errors import InputError, MissingInputError
 from structlearn.readers import read_demonstrations, synchronise, write_recordings
 from structlearn.readers.joint_log import DriveLog
-from structlearn.readers.user_tables import read_touch_logs, read_touch_table, write_touch_logs
+from structlearn.readers.touch_log import read_touch_logs, read_touch_table, write_touch_logs
 from structlearn.tasks.motion.drives_and_load import log_on_clock
 
 ROWS = 6

@@ -11,7 +11,7 @@ from scipy.stats import chi2
 from structlearn.core.errors import InputError
 from structlearn.rigid_body import excitation, log_fitness
 from structlearn.rigid_body.base_parameters import BaseFit, base_parameters, fit_base
-from structlearn.rigid_body.excitation import random_series, written
+from structlearn.rigid_body.excitation import limited_motion, random_series
 from structlearn.rigid_body.motion import Motion
 from structlearn.rigid_body.robot import read_urdf
 
@@ -64,7 +64,7 @@ def test_no_series_of_many_tells_more_than_the_designed_one(its, best):
 def test_every_sample_is_within_the_limits_and_the_ends_are_at_rest(its, best):
     wild = 5.0 * np.random.default_rng(3).normal(size=(200, *its.free))
     for free in (best, *wild):
-        times, motion = excitation.written(its, free, PARAMETERS.rate_hz)
+        times, motion = excitation.limited_motion(its, free, PARAMETERS.rate_hz)
         assert len(times) == len(motion)
         assert np.all(its.tree.lower <= motion.q.min(axis=0))
         assert np.all(motion.q.max(axis=0) <= its.tree.upper)
@@ -83,9 +83,12 @@ def test_velocities_and_accelerations_are_those_of_the_positions(its):
 def test_weak_drives_make_the_motion_slower_and_too_weak_ones_are_an_error(tmp_path):
     strong, weak = two_joints(tmp_path, 60.0), two_joints(tmp_path, 15.0)
     fast = excitation.random_series(strong, 1, 0)[0]
-    assert excitation.written(weak, fast, 100.0)[0][-1] > excitation.written(strong, fast, 100.0)[0][-1]
+    assert (
+        excitation.limited_motion(weak, fast, 100.0)[0][-1]
+        > excitation.limited_motion(strong, fast, 100.0)[0][-1]
+    )
     with pytest.raises(InputError, match="own weight"):
-        excitation.written(two_joints(tmp_path, 1.0), fast, 100.0)
+        excitation.limited_motion(two_joints(tmp_path, 1.0), fast, 100.0)
 
 
 def test_the_same_seed_designs_the_same(its, best):
@@ -94,7 +97,7 @@ def test_the_same_seed_designs_the_same(its, best):
 
 
 def test_errors_in_simulated_logs_are_those_that_the_information_predicts(its, best):
-    _, motion = excitation.written(its, best, PARAMETERS.rate_hz)
+    _, motion = excitation.limited_motion(its, best, PARAMETERS.rate_hz)
     noise, draws = 0.01 * its.effort, 400
     known = excitation.information(its, motion.q, motion.qd, motion.qdd) / 0.01**2
     expected = np.sqrt(np.diag(np.linalg.inv(known)))
@@ -111,7 +114,7 @@ def arm(tmp_path_factory):
     """Robot, what is known of it, and its motion over eight periods."""
     folder = tmp_path_factory.mktemp("two")
     its = two_joints(folder)
-    _, period = written(its, random_series(its, 1, 5)[0], RATE_HZ)
+    _, period = limited_motion(its, random_series(its, 1, 5)[0], RATE_HZ)
     fields = (period.q, period.qd, period.qdd, period.torque)
     motion = Motion(*(np.concatenate([values[:-1]] * 8) for values in fields))
     return read_urdf(folder / "two.urdf"), its, motion
@@ -175,7 +178,7 @@ def test_gaps_limits_and_joints_at_rest_are_noticed(arm):
 
 def test_parameters_are_told_by_how_well_they_are_determined():
     fit = BaseFit(1.0, np.array([1.0, -2.0, 0.1]), np.array([0.95, -3.0, -0.2]), np.array([1.05, -1.0, 0.4]))
-    table = log_fitness.parameter_table(["a", "b", "c"], fit)
+    table = log_fitness.identified_table(["a", "b", "c"], fit)
     assert table["parameter"].tolist() == ["a", "b", "c"]
     np.testing.assert_allclose(table["percent"], [5.0, 50.0, 300.0])
     assert table["determined"].tolist() == ["yes", "doubtful", "no"]

@@ -8,8 +8,8 @@ from structlearn.rigid_body.friction import friction_coefficients
 from structlearn.rigid_body.identification import (
     divergence,
     fit_structure,
-    least_squares,
     normalised_triangle,
+    unconstrained_minimiser,
 )
 from structlearn.rigid_body.inertia_parameters import STRUCTURES, link_inertias, sample_parameters
 from structlearn.rigid_body.motion import Motion
@@ -41,7 +41,7 @@ def wrong_inertias() -> LinkInertias:
 def test_least_squares_minimises_the_sum_of_errors(limits, regressor):
     """Normalised by the variance of each torque, or as shares of the joints' limits."""
     triangle, variance = normalised_triangle(regressor.factors, limits), noisy_motion().torque.var(axis=0)
-    theta = least_squares(triangle)
+    theta = unconstrained_minimiser(triangle)
     unit = variance if limits is None else limits**2 * np.mean(variance / limits**2)
     direct = ((regressor.columns @ theta - regressor.torque) ** 2).mean(axis=0) / unit
     residual = triangle @ np.append(theta, -1.0)
@@ -56,7 +56,7 @@ def test_a_structure_explains_the_data_nearly_as_well_and_its_links_can_exist(st
     if structure == "nostr":
         regressor = MotionRegressor(arm().tree, noisy_motion(), False, FRICTION)
     triangle = normalised_triangle(regressor.factors)
-    best = regressor.factors.nmse(least_squares(triangle))
+    best = regressor.factors.nmse(unconstrained_minimiser(triangle))
     free, friction = fit_structure(structure, triangle, FRICTION, wrong_inertias(), 200)
     found = link_inertias(structure, torch.from_numpy(free))
     links = link_parameters(found, structure != "nostr")[0].numpy()

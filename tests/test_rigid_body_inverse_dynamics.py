@@ -8,8 +8,9 @@ from newton_euler import inverse_dynamics
 from rigid_body_robots import ROBOTS, pendulum, pinocchio_torques, robot, states
 
 from dissertation.dynamics.page.findings import agreement_with_pinocchio
+from dissertation.simulation import compiled_chain
 from structlearn.core.metrics import nmse
-from structlearn.rigid_body import compiled_chain, compiled_dynamics, friction
+from structlearn.rigid_body import compiled_dynamics, friction
 from structlearn.rigid_body.inertia_parameters import STRUCTURES, link_inertias, sample_parameters
 from structlearn.rigid_body.regressor import link_parameters, torque_factors, torque_regressor
 from structlearn.rigid_body.robot import configuration

@@ -12,16 +12,16 @@ from dissertation.dynamics.world.operational_space import (
     joint_reference,
     tool_motion,
 )
+from dissertation.simulation import compiled_chain
 from structlearn.core import quaternion
 from structlearn.core.errors import InputError
-from structlearn.core.minimum_jerk import progress
-from structlearn.rigid_body import compiled_chain
+from structlearn.core.signals import minimum_jerk
 from structlearn.rigid_body.arm_kinematics import (
     Follower,
     follow,
     link_distances,
     read_arm,
-    read_shapes,
+    read_collision_shapes,
     rest_for,
 )
 from structlearn.rigid_body.robot import configuration
@@ -58,7 +58,9 @@ def tip_poses(arm, joints):
 
 def there_and_back(arm, start, end, samples=201):
     """Poses of the tip while joints go from one configuration to another and back."""
-    part = np.concatenate([progress(np.linspace(0, 1, samples)), progress(np.linspace(1, 0, samples))[1:]])
+    part = np.concatenate(
+        [minimum_jerk(np.linspace(0, 1, samples)), minimum_jerk(np.linspace(1, 0, samples))[1:]]
+    )
     return tip_poses(arm, start + part[:, None] * (end - start))
 
 
@@ -166,7 +168,7 @@ def trough(path, width, height):
 
 def test_spheres_are_as_far_apart_as_their_centres_less_their_radii(tmp_path):
     arm = arm_of(tmp_path, planar_arm(0.5, 0.4, 0.3, radius=0.05))
-    shapes = read_shapes(arm, (), STRAIGHT)
+    shapes = read_collision_shapes(arm, (), STRAIGHT)
     assert shapes.pairs == ("base and link_1", "base and link_2", "base and tip")
     joints = np.random.default_rng(1).uniform(-1.5, 1.5, (20, 3))
     distances = dict(zip(shapes.pairs, link_distances(shapes, joints, near=0.0).T, strict=True))
@@ -177,7 +179,7 @@ def test_spheres_are_as_far_apart_as_their_centres_less_their_radii(tmp_path):
 
 
 def test_neighbours_are_no_pair(tmp_path):
-    shapes = read_shapes(arm_of(tmp_path, planar_arm(0.5, 0.4, 0.3)), (), STRAIGHT)
+    shapes = read_collision_shapes(arm_of(tmp_path, planar_arm(0.5, 0.4, 0.3)), (), STRAIGHT)
     assert "base and link_0" not in shapes.pairs
     assert "link_1 and link_2" not in shapes.pairs
     assert shapes.touching == ()
@@ -187,9 +189,9 @@ def test_neighbours_are_no_pair(tmp_path):
 def test_what_touches_at_rest_is_named_and_not_watched(tmp_path):
     folded = np.array([0.0, 2.5, 2.0])  # the tip is 0.12 m from the base
     thin = arm_of(tmp_path, planar_arm(0.5, 0.4, 0.3, radius=0.02))
-    assert link_distances(read_shapes(thin, (), folded), folded[None], near=0.0).min() > 0.0
+    assert link_distances(read_collision_shapes(thin, (), folded), folded[None], near=0.0).min() > 0.0
     thick = arm_of(tmp_path, planar_arm(0.5, 0.4, 0.3, radius=0.15))
-    shapes = read_shapes(thick, (), folded)
+    shapes = read_collision_shapes(thick, (), folded)
     assert shapes.touching == ("base and link_2", "base and tip")
     assert shapes.pairs == ("base and link_1",)
 
@@ -198,7 +200,7 @@ def test_a_hollow_link_is_not_filled(tmp_path):
     """Where convex hulls come too near, the meshes themselves are asked."""
     trough(tmp_path / "trough.obj", width=0.3, height=0.3)
     arm = arm_of(tmp_path, planar_arm(0.8, 0.8, radius=0.05, mesh="trough.obj"))
-    shapes = read_shapes(arm, (), np.array([0.0, 0.5]))
+    shapes = read_collision_shapes(arm, (), np.array([0.0, 0.5]))
     inside = np.array([[0.0, np.pi]])  # folded back, the trough is around the base
     (hull,) = link_distances(shapes, inside, near=-np.inf)[0, [shapes.pairs.index("base and tip")]]
     (mesh,) = link_distances(shapes, inside, near=0.01)[0, [shapes.pairs.index("base and tip")]]
@@ -209,10 +211,10 @@ def test_a_hollow_link_is_not_filled(tmp_path):
 def test_shapes_that_cannot_be_read_are_told_of(tmp_path):
     arm = arm_of(tmp_path, planar_arm(0.5, 0.4, mesh="lost.stl"))
     with pytest.raises(InputError, match=r"arm.urdf: collision shapes cannot be read: .*lost.stl"):
-        read_shapes(arm, (), np.zeros(2))
+        read_collision_shapes(arm, (), np.zeros(2))
     bare = arm_of(tmp_path, planar_arm(0.5, 0.4).replace("collision", "visual"))
     with pytest.raises(InputError, match="fewer than two links have collision shapes"):
-        read_shapes(bare, (), np.zeros(2))
+        read_collision_shapes(bare, (), np.zeros(2))
 
 
 TOOL = np.array([0.02, -0.03, 0.1])

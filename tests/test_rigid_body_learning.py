@@ -250,7 +250,7 @@ def trained():
     friction = motion_with_friction(arm())
     logs = sine_motion(arm(), 400), *(friction.part(slice(0, 300 + robot)) for robot in ROBOTS)
     motions = dict(zip(MOTIONS, logs, strict=True))
-    return protocol.train(protocol.trainings(ROBOTS, TRAININGS), motions, arm().tree, TRAININGS)
+    return protocol.train_all(protocol.trainings(ROBOTS, TRAININGS), motions, arm().tree, TRAININGS)
 
 
 def test_all_models_of_an_arm_and_its_robots_are_trained_and_tabulated(trained):
@@ -286,7 +286,9 @@ def test_what_may_be_tracked_with_met_the_criterion_of_its_arm():
         update={"epochs": limits, "learning": learning, "forms": (protocol.OURS,)}
     )
     motions = {"iiwa": sine_motion(arm(), 600), "perturbed/11": motion_with_friction(arm())}
-    _, _, outcomes = protocol.train(protocol.trainings((11,), parameters), motions, arm().tree, parameters)
+    _, _, outcomes = protocol.train_all(
+        protocol.trainings((11,), parameters), motions, arm().tree, parameters
+    )
     simulated, robots = (outcomes[outcomes["arm"] == name] for name in ("iiwa", "perturbed"))
     np.testing.assert_array_equal(simulated["met"], simulated["epochs"].notna())
     np.testing.assert_array_equal(simulated["met"], simulated["nmse_max"] <= 0.3)
@@ -314,7 +316,7 @@ def test_epochs_are_counted_to_the_first_at_which_all_joints_are_good_enough(tra
         assert outcome.nmse_max == pytest.approx(kept.max())
         reached += len(good) > 0
     assert 0 < reached < len(outcomes)
-    compared = protocol.scores(outcomes, limit)
+    compared = protocol.optimiser_scores(outcomes, limit)
     ours = outcomes[(outcomes["form"] == protocol.OURS) & (outcomes["model"] == "mlp")]
     assert compared["epochs_mlp"] == ours["epochs"].fillna(limit).mean()
     assert compared["worst_mlp"] == pytest.approx(np.exp(np.log(ours["nmse_max"]).mean()))

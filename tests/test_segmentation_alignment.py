@@ -11,7 +11,7 @@ from structlearn.segmentation.alignment import (
     Alignment,
     Movement,
     least_squares,
-    refine,
+    refine_cuts,
     velocity_weights,
     with_crossings,
 )
@@ -67,7 +67,7 @@ def test_motion_outside_of_what_surrounds_a_primitive_does_not_count(bound, outs
 
     def found(path, **bounds):
         crossing = replace(Crossing(150, 350, 0, 499), **bounds)
-        return refine(reference, Movement(0.01, path, np.gradient(path, axis=0), crossing), parameters)
+        return refine_cuts(reference, Movement(0.01, path, np.gradient(path, axis=0), crossing), parameters)
 
     other = path.copy()
     other[outside] += 0.4 - 0.4 * np.cos(np.linspace(0.0, 2.0 * np.pi, len(other[outside])))[:, None]
@@ -84,7 +84,9 @@ def test_delay_and_pairs_count_in_samples_of_the_recording(downsampling):
     parameters = PARAMETERS.model_copy(update={"extension_s": 1.0, "downsampling": downsampling})
     time, crossing = np.arange(500.0), Crossing(150, 350, 0, 499)
     paths = [np.tanh((time[:, None] - delay - [230.0, 260.0]) / 10.0) for delay in (0.0, 25.0)]
-    found = refine(*(Movement(0.01, path, np.gradient(path, axis=0), crossing) for path in paths), parameters)
+    found = refine_cuts(
+        *(Movement(0.01, path, np.gradient(path, axis=0), crossing) for path in paths), parameters
+    )
     alignment = found.alignments["wls_published"]
     assert alignment.time_scale * 245.0 + alignment.delay == pytest.approx(270.0, abs=4.0)
     assert ((found.pairs - 50) % downsampling == 0).all()

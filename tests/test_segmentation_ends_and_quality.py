@@ -6,9 +6,9 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from structlearn.core import minimum_jerk
+from structlearn.core.signals import minimum_jerk
 from structlearn.readers.demonstration import Demonstration
-from structlearn.segmentation.onsets import movement_ends
+from structlearn.segmentation.crossings import movement_ends
 from structlearn.segmentation.quality import log_dimensionless_jerk, quality, spectral_arc_length
 
 DT = 0.005
@@ -18,7 +18,7 @@ WAY = np.array([0.3, -0.1, 0.2])
 def between_rests(before_s: float, duration_s: float, after_s: float) -> tuple[np.ndarray, int, int]:
     """Path (T, 3) of a minimum-jerk movement between two rests, its first and its last sample."""
     rests = [round(s / DT) for s in (before_s, after_s)]
-    moving = minimum_jerk.progress(np.linspace(0.0, 1.0, round(duration_s / DT) + 1))
+    moving = minimum_jerk(np.linspace(0.0, 1.0, round(duration_s / DT) + 1))
     share = np.concatenate([np.zeros(rests[0]), moving, np.ones(rests[1])])
     return share[:, None] * WAY, rests[0], rests[0] + len(moving) - 1
 
@@ -76,7 +76,7 @@ STEP = 1 / 500
 
 
 def reach(duration=1.0, size=0.3):
-    way = minimum_jerk.progress(np.linspace(0.0, 1.0, round(duration / STEP) + 1))
+    way = minimum_jerk(np.linspace(0.0, 1.0, round(duration / STEP) + 1))
     return size * way[:, None] * np.array([0.6, 0.0, 0.8])
 
 

@@ -5,6 +5,7 @@ import pandas as pd
 import pytest
 from reporting_scraping import PARAMETERS, demonstration, noise_table
 
+from dissertation.scraping.protocol.cut_sweep import downsampling_effect
 from structlearn.primitives.sequence import largest_acceleration_jump
 from structlearn.readers.demonstration import Demonstration
 from structlearn.segmentation import cut_errors
@@ -34,7 +35,7 @@ def test_aligned_stretched_copies_coincide(two_move_demonstrations, segmentation
 
 
 def test_downsampling_work_falls_with_the_square(two_move_demonstrations):
-    effect = cut_errors.downsampling_effect(two_move_demonstrations, PARAMETERS, [1, 2, 4])
+    effect = downsampling_effect(two_move_demonstrations, PARAMETERS, [1, 2, 4])
     np.testing.assert_allclose(effect["work"], [1, 1 / 4, 1 / 16], rtol=0.05)
     assert effect["work"][1] != 1 / 4  # counted: lengths are no multiples of g
     assert effect["max_shift_ms"][0] == 0.0

@@ -7,7 +7,7 @@ from committed import EXAMPLE_TASK
 from dissertation.simulation.pick_and_place import as_recording, session
 from structlearn.core.errors import InputError
 from structlearn.readers import synchronise
-from structlearn.segmentation.repeats import split
+from structlearn.segmentation.repeats import split_repeats
 
 
 def split_up(sessions, primitives, count=None):
@@ -19,7 +19,7 @@ def split_up(sessions, primitives, count=None):
         odd = bool(seed % 2)
         made = session(seed, moves, repeats, f"{number:02d}", twitch=odd, hesitation=odd)
         recordings.append(synchronise(as_recording(made), 100.0))
-    return recordings, *split(recordings, parameters, count)
+    return recordings, *split_repeats(recordings, parameters, count)
 
 
 @pytest.mark.parametrize(

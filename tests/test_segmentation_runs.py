@@ -36,10 +36,10 @@ def pick(primitives, **changes) -> SegmentParameters:
     return TASK.segment.model_validate(TASK.segment.model_dump() | {"primitives": primitives} | changes)
 
 
-def along_a_line(speed: np.ndarray) -> runs.Motion:
+def along_a_line(speed: np.ndarray) -> runs.AxisMotion:
     """One axis at a speed, 1 s a sample."""
     path = np.append(0.0, np.cumsum(0.5 * (speed[1:] + speed[:-1])))
-    return runs.Motion(path[:, None], np.abs(speed), np.abs(speed), False)
+    return runs.AxisMotion(path[:, None], np.abs(speed), np.abs(speed), False)
 
 
 def test_runs_are_where_the_speed_is_above_the_threshold():
@@ -52,7 +52,7 @@ def test_runs_are_where_the_speed_is_above_the_threshold():
 
 def test_runs_with_a_short_dip_between_them_are_candidates_alone_and_joined():
     moved = along_a_line(SPEED)
-    found = runs.candidates(moved, runs.Search((0.5,), 1.0, 1, 9))
+    found = runs.run_candidates(moved, runs.CandidateSearch((0.5,), 1.0, 1, 9))
     assert list(zip(found.first, found.last, found.paused_s, strict=True)) == [
         (1, 5, 0),
         (7, 10, 0),
@@ -129,7 +129,9 @@ def test_the_assignment_is_the_cheapest_of_all(moves, primitives, bridge):
             [np.append(np.full(n, n % 3 - 1.5), np.zeros(1 + (n + number) % 4)) for n in own]
         )
         moved = along_a_line(np.append(0.0, speed))
-        demonstrations.append([runs.candidates(moved, runs.Search((0.1, 1.0), 1.0, bridge, 9))] * primitives)
+        demonstrations.append(
+            [runs.run_candidates(moved, runs.CandidateSearch((0.1, 1.0), 1.0, bridge, 9))] * primitives
+        )
     found = assign(demonstrations, range(len(demonstrations)), [False] * primitives)
     assert (np.inf if found is None else found.total) == pytest.approx(by_hand(demonstrations))
 

@@ -8,7 +8,7 @@ import numpy as np
 import yaml
 from committed import committed
 
-from dissertation.servoing.protocol.servo_variants import Variant, variants
+from dissertation.servoing.protocol.servo_variants import ServoVariant, variants
 from structlearn.core.artefacts import read_table
 from structlearn.core.params import Population
 
@@ -19,7 +19,7 @@ def test_all_controllers_meet_the_same_trials(reduced_project):
         read_table(reduced_project / f"data/servoing/servo/{name}.parquet")
         for name in ("trials", "paths", "progress")
     )
-    keys = [field.name for field in fields(Variant)]
+    keys = [field.name for field in fields(ServoVariant)]
     groups = trials.groupby(keys)
     assert len(groups) == len(variants(3)) == progress.groupby(keys).ngroups
     assert set(groups.size()) == {2 * 3}

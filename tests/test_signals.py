@@ -3,8 +3,14 @@ import pytest
 from hypothesis import given
 from primitives_movements import quick, rngs
 
-from structlearn.core import minimum_jerk
-from structlearn.core.signals import derivative, low_pass, standardise, time_normalised
+from structlearn.core.signals import (
+    derivative,
+    low_pass,
+    minimum_jerk,
+    minimum_jerk_rate,
+    standardise,
+    time_normalised,
+)
 
 DT = 1 / 300
 TIME = DT * np.arange(3000)  # 10 s
@@ -73,10 +79,10 @@ def test_time_normalisation_is_linear_interpolation(rng):
 
 def test_least_jerk_goes_from_rest_to_rest_at_the_derivative_of_its_path():
     ends = np.array([0.0, 1.0])
-    np.testing.assert_allclose(minimum_jerk.progress(ends), ends)
-    np.testing.assert_allclose(minimum_jerk.rate(ends), 0.0)
+    np.testing.assert_allclose(minimum_jerk(ends), ends)
+    np.testing.assert_allclose(minimum_jerk_rate(ends), 0.0)
     s = np.linspace(0, 1, 1001)
-    rate = minimum_jerk.rate(s)
-    np.testing.assert_allclose(rate, np.gradient(minimum_jerk.progress(s), s, edge_order=2), atol=1e-4)
+    rate = minimum_jerk_rate(s)
+    np.testing.assert_allclose(rate, np.gradient(minimum_jerk(s), s, edge_order=2), atol=1e-4)
     assert rate[1] / s[1] == pytest.approx(0.0, abs=0.05)  # no acceleration at the ends
     assert rate.max() == 15 / 8

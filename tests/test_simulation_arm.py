@@ -7,9 +7,9 @@ from rigid_body_robots import robot as rigid_body_robot
 from dissertation.simulation import compiled_arm
 from dissertation.simulation.arm import Payload, carrying
 from dissertation.simulation.bullet_arm import BulletArm, differences
+from dissertation.simulation.compiled_chain import dynamics, workspace
 from structlearn.core.errors import InputError
 from structlearn.rigid_body import compiled_dynamics
-from structlearn.rigid_body.compiled_chain import dynamics, workspace
 from structlearn.rigid_body.tree import robot_arrays
 from structlearn.rigid_body.urdf import urdf_path
 
@@ -34,7 +34,7 @@ class Compiled:
 
     def step(self, torques):
         dynamics(self.arrays, self.q, self.qd, self.work)
-        compiled_arm.step(self.coulomb, torques, self.dt, self.work, self.q, self.qd)
+        compiled_arm.step_arm(self.coulomb, torques, self.dt, self.work, self.q, self.qd)
         return self.q.copy(), self.qd.copy()
 
 

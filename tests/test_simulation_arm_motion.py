@@ -17,11 +17,16 @@ from dissertation.dynamics.world.arm_motion import (
     ReachingParameters,
     first_posture,
     joint_feedback,
-    reaches,
+    random_reaches,
     sine_controller,
     sine_path,
 )
-from dissertation.dynamics.world.controlled_arm import Feedback, ReferencePath, SimulatedArm, run
+from dissertation.dynamics.world.controlled_arm import (
+    FeedbackGains,
+    ReferencePath,
+    SimulatedArm,
+    run_controller,
+)
 from dissertation.dynamics.world.operational_space import tool_motion
 from dissertation.simulation.arm import ArmParameters, Mechanics, ideal
 from structlearn.core.errors import InputError
@@ -82,13 +87,13 @@ def constant(robot, torque, ticks):
     massless = {name: 0.0 * getattr(known.robot, name) for name in ("mass", "first_moment", "origin_inertia")}
     wants = compiled_dynamics.friction_rows(np.full((7, 1), torque), ("offset",))
     model = known._replace(robot=known.robot._replace(**massless), friction=wants)
-    return sine_controller(model, ReferencePath(zero, zero, zero), Feedback(zero[0], zero[0]))
+    return sine_controller(model, ReferencePath(zero, zero, zero), FeedbackGains(zero[0], zero[0]))
 
 
 def test_the_right_model_tracks_without_help_of_the_feedback(robot, feedback, arm):
     reference = sine_path(robot.tree, SHORT)
     model = compiled_dynamics.inverse_dynamics(robot.tree, robot.inertias)
-    moved = run(
+    moved = run_controller(
         arm, sine_controller(model, reference, feedback), reference.position[0], reference.velocity[0]
     )
     assert moved.stopped is None
@@ -107,14 +112,14 @@ def test_the_right_model_tracks_without_help_of_the_feedback(robot, feedback, ar
     ],
 )
 def test_an_arm_that_runs_away_is_stopped(robot, arm, torque, start, reason):
-    moved = run(arm, constant(robot, torque, 1000), np.full(7, start), np.zeros(7))
+    moved = run_controller(arm, constant(robot, torque, 1000), np.full(7, start), np.zeros(7))
     assert moved.stopped == reason
     assert len(moved.q) == len(moved.torques) < 1000
     assert np.isfinite(moved.q).all()
 
 
 def test_torques_are_cut_off_at_the_drives_limits(robot, arm):
-    moved = run(arm, constant(robot, -900.0, 1), np.zeros(7), np.zeros(7))
+    moved = run_controller(arm, constant(robot, -900.0, 1), np.zeros(7), np.zeros(7))
     np.testing.assert_array_equal(moved.torques, -robot.model.effortLimit[None])
 
 
@@ -123,8 +128,10 @@ def test_torques_act_later_by_the_latency_and_ripple_with_the_joint(robot, arm):
     mechanics = Mechanics(robot.inertias, zero, zero, np.full(7, 0.5), 3.0, latency_steps=late)
     reference = ReferencePath(still + 0.1, still, still)
     model = compiled_dynamics.inverse_dynamics(robot.tree, robot.inertias)
-    soft = Feedback(np.full(7, 2.0), np.full(7, 0.1))
-    moved = run(replace(arm, mechanics=mechanics), sine_controller(model, reference, soft), zero, zero)
+    soft = FeedbackGains(np.full(7, 2.0), np.full(7, 0.1))
+    moved = run_controller(
+        replace(arm, mechanics=mechanics), sine_controller(model, reference, soft), zero, zero
+    )
     commands = model(*(path[0] for path in (reference.position, reference.velocity, reference.acceleration)))
     commands = commands + soft.stiffness * (0.1 - moved.q) - soft.damping * moved.qd
     given = commands[np.maximum(np.arange(6) - late, 0)]
@@ -233,7 +240,7 @@ def test_only_models_that_met_the_criterion_are_tracked_with(testbed):
 
 
 def test_reaches_start_at_rest_and_end_at_goals_in_the_box(robot):
-    path = reaches(robot.tree, REACHING, 250.0, seed=3)
+    path = random_reaches(robot.tree, REACHING, 250.0, seed=3)
     posture = first_posture(robot.tree, REACHING)[None]
     start, _ = tool_motion(robot.tree, REACHING.tool_m, posture, 0 * posture)
     np.testing.assert_allclose(path.position[0], start[0])
@@ -243,4 +250,4 @@ def test_reaches_start_at_rest_and_end_at_goals_in_the_box(robot):
     np.testing.assert_allclose(
         np.gradient(path.velocity, 4e-3, axis=0)[2:-2], path.acceleration[2:-2], atol=2e-2
     )
-    assert not np.allclose(path.position, reaches(robot.tree, REACHING, 250.0, seed=4).position)
+    assert not np.allclose(path.position, random_reaches(robot.tree, REACHING, 250.0, seed=4).position)

@@ -38,7 +38,7 @@ TESTS = []
 
 
 @dataclass(frozen=True)
-class MadeUpBoard(board_refinement.Board):
+class MadeUpBoard(board_refinement.BoardEnvironment):
     """Executions are demonstrations with the coupling term of the network."""
 
     @property

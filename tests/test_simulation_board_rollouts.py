@@ -13,10 +13,10 @@ from scraping_motions import CHANNELS, DURATIONS_S, NAMES, constant_network, scr
 from dissertation.scraping.protocol import board_refinement
 from dissertation.scraping.protocol.execution_scores import nominal_orientation
 from dissertation.scraping.protocol.executions import (
-    corrected_runs,
     evaluation_runs,
     execute_run,
     nominal_runs,
+    runs_to_correct,
 )
 from dissertation.scraping.world.execution import ControlParameters
 from structlearn.core.artefacts import write_table
@@ -112,7 +112,7 @@ def test_seeds_meet_no_other_runs_and_tell_primitives_apart(board, asked):
     found = [run.seed for run, *_ in asked]
     assert len(set(found)) == len(found) == 2 * len(seeds)
     settings = [0.0, 2.5, 5.0, 6.3, 10.0, -2.5]
-    others = [*nominal_runs(15), *corrected_runs(settings, 15), *evaluation_runs(settings, 8, False)]
+    others = [*nominal_runs(15), *runs_to_correct(settings, 15), *evaluation_runs(settings, 8, False)]
     assert len({run.seed for run in others}) == len(others) == 15 + 15 * 6 + 8 * 6
     assert board_refinement.REFINED not in {run.seed[0] for run in others}
 

@@ -10,7 +10,7 @@ from scraping_motions import FLAT
 from dissertation.scraping.world.demonstrator import CONTACT_M
 from dissertation.scraping.world.scraping_robot import EDGE_M, HOME, joint_angles, urdf, whole
 from dissertation.scraping.world.scraping_world import EDGE_POINTS, EDGE_WIDTH_M, POINTS, Board, press
-from structlearn.rigid_body import compiled_chain
+from dissertation.simulation import compiled_chain
 from structlearn.rigid_body.tree import robot_arrays
 
 STIFFNESS, DAMPING, FRICTION = 2000.0, 2.0, 0.2

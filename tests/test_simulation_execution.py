@@ -23,7 +23,7 @@ from dissertation.scraping.world.demonstrator import (
 from dissertation.scraping.world.execution import FINGER_TICKS, ControlParameters, execute
 from dissertation.scraping.world.scraping_world import WorldParameters
 from dissertation.scraping.world.testbed import GuidanceParameters, guided_motion, pressure
-from dissertation.simulation.fingers import FingerPair, TouchParameters
+from dissertation.simulation.fingers import FingerPair, PinchParameters
 from structlearn.core import quaternion
 from structlearn.feedback.runtime import Controller
 from structlearn.primitives.sequence import default_start
@@ -40,7 +40,7 @@ UPRIGHT = orientation_of(np.zeros(3))
 
 
 def two_fingers():
-    return FingerPair(committed(TouchParameters, "testbed.touch"), 1, np.random.default_rng(2), 100.0)
+    return FingerPair(committed(PinchParameters, "testbed.touch"), 1, np.random.default_rng(2), 100.0)
 
 
 def press(roll=0.0, ticks=600, control=SILENT, person=None, motion=None, **changes):

@@ -7,7 +7,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from dissertation.simulation import fingers as fingers_module
-from dissertation.simulation.fingers import CHANNELS, FingerPair, TouchParameters
+from dissertation.simulation.fingers import CHANNELS, FingerPair, PinchParameters
 from structlearn.tactile.electrodes import ELECTRODES_MM
 
 RATE_HZ = 100.0
@@ -18,7 +18,7 @@ ABOVE, BELOW = ELECTRODES_MM[:, 0] > 0, ELECTRODES_MM[:, 0] < -6  # towards the 
 
 
 def pair(sensor: int = 1, trial: int = 2, **parameters) -> FingerPair:
-    touch = committed(TouchParameters, "testbed.touch", **parameters)
+    touch = committed(PinchParameters, "testbed.touch", **parameters)
     return FingerPair(touch, sensor, np.random.default_rng(trial), RATE_HZ)
 
 

@@ -14,10 +14,10 @@ from dissertation.servoing.protocol.servo_trials import MOTIONS, draw, make_scen
 from dissertation.servoing.protocol.servo_variants import (
     ADAPTIVE,
     ServoTrialParameters,
+    ServoVariant,
     ToleranceParameters,
-    Variant,
 )
-from dissertation.servoing.world.servo_loop import LoopParameters, LowPass, press, servo
+from dissertation.servoing.world.servo_loop import LoopParameters, LowPass, press_skin, servo
 from dissertation.simulation.touch_demonstrator import ToucherParameters, covered
 from structlearn.tactile.electrodes import SKINS
 
@@ -47,7 +47,7 @@ class Steady:
 
 def held(places, tilt=0.0):
     places = np.atleast_2d(np.array(places, dtype=float))
-    return press(places, np.full((len(places), 2), tilt), SCENE, np.random.default_rng(0))
+    return press_skin(places, np.full((len(places), 2), tilt), SCENE, np.random.default_rng(0))
 
 
 def run(controller, start, target, seconds, loop=LOOP):
@@ -91,7 +91,7 @@ def test_scores_of_a_straight_approach():
     assert table["geodesic_mm"] == pytest.approx(6.0, rel=1e-3)
     assert table["path_mm"] == pytest.approx(6.0, abs=0.2)
     assert table["reach_s"] == pytest.approx(seconds - 1e-3 / (RADIUS * 0.2), abs=0.1)
-    course = servo_scores.progress(found, target, SCENE, TOLERANCE)
+    course = servo_scores.servo_progress(found, target, SCENE, TOLERANCE)
     assert (np.diff(course["median_mm"]) < 0).all()
     assert course["within"].iloc[-1] == 1
 
@@ -106,7 +106,7 @@ def test_errors_of_pressure_and_load_are_relative_to_the_target():
         pressed = replace(
             found, signals=signals, load=factor * np.broadcast_to(target.contact.load, count[:2])
         )
-        _, pressure = servo_scores.errors(pressed, target, judged)
+        _, pressure = servo_scores.target_errors(pressed, target, judged)
         np.testing.assert_allclose(pressure, abs(factor - 1.0))
         scores = servo_scores.scored(pressed, target, target, SCENE, TOLERANCE).iloc[0]
         assert scores["pressure_error"] == pytest.approx(abs(factor - 1.0))
@@ -170,7 +170,7 @@ def test_only_the_pressure_is_wrong_of_misses_whose_contact_is_near():
     """Of one controller's trials; a contact at the very distance is near."""
     rows = [(True, 0.1), (True, 5.0), (False, 0.1), (False, 1.0), (False, 1.1), (False, 9.0), (False, 9.0)]
     table = pd.DataFrame(rows, columns=["success", "position_error_mm"])
-    one, other = Variant(ADAPTIVE, "NJ"), Variant(ADAPTIVE, "LL")
+    one, other = ServoVariant(ADAPTIVE, "NJ"), ServoVariant(ADAPTIVE, "LL")
     trials = pd.concat([table.assign(**vars(one)), table.iloc[::-2].assign(**vars(other))])
     scores = servo_scores.ControllerScores(trials)
     assert scores.only_pressed_wrong(one, 1.0) == 2

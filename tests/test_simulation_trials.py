@@ -8,10 +8,10 @@ from committed import committed
 from scraping_motions import DURATIONS_S, NAMES, constant_network, scraping_skill
 
 from dissertation.scraping.protocol.executions import (
-    corrected_runs,
     evaluation_runs,
     executions,
     nominal_runs,
+    runs_to_correct,
 )
 from dissertation.scraping.world import testbed
 from dissertation.scraping.world.demonstrator import DemonstratorParameters
@@ -31,7 +31,7 @@ def skill():
 
 @pytest.fixture(scope="module")
 def runs():
-    return [*nominal_runs(1), *corrected_runs([5.0], 2), *evaluation_runs([8.8], 1, feedback=False)]
+    return [*nominal_runs(1), *runs_to_correct([5.0], 2), *evaluation_runs([8.8], 1, feedback=False)]
 
 
 @pytest.fixture(scope="module")

@@ -14,8 +14,8 @@ from structlearn.core.errors import InputError
 from structlearn.networks.torch_settings import seeded
 from structlearn.tactile import latent_training
 from structlearn.tactile.geodesics import Geodesics
-from structlearn.tactile.latent_comparison import decoded_errors, direction_errors, learn
-from structlearn.tactile.latent_models import LatentModels, read_models, write_models
+from structlearn.tactile.latent_comparison import decoded_errors, direction_errors, learn_latent_spaces
+from structlearn.tactile.latent_models import LatentModels, read_latent_models, write_latent_models
 from structlearn.tactile.latent_parameters import (
     FORWARD_OF,
     JACOBIAN,
@@ -51,7 +51,7 @@ def touches(touch):
 
 @pytest.fixture(scope="module")
 def comparison(touch):
-    return learn(*touch, SMALL)
+    return learn_latent_spaces(*touch, SMALL)
 
 
 def models(seeds=(0, 1), seed=0):
@@ -70,7 +70,7 @@ def test_contacts_that_are_too_short_for_chains_are_refused(touch, part, message
     pressed = (dataset.split != part) | (dataset.time < 0.6)  # s, in every contact
     short = replace(dataset, pressed=pressed)
     with pytest.raises(InputError, match=message):
-        learn(short, geodesics, SMALL.model_copy(update={"longest_chain": 4}))
+        learn_latent_spaces(short, geodesics, SMALL.model_copy(update={"longest_chain": 4}))
 
 
 def test_pairs_share_bin_and_split(touch):
@@ -204,15 +204,15 @@ def test_a_joined_stack_has_every_model(touches):
 
 def test_files_keep_models_and_units(tmp_path, comparison):
     path = tmp_path / "models.safetensors"
-    write_models(comparison.models, comparison.units, path)
-    stack, units = read_models(path)
+    write_latent_models(comparison.models, comparison.units, path)
+    stack, units = read_latent_models(path)
     assert stack.seeds == (0, 1)
     for name, values in comparison.models.to_arrays().items():
         assert torch.equal(stack.to_arrays()[name], values), name
     np.testing.assert_array_equal(units.action_scale, comparison.units.action_scale)
     write_tensors({"x": np.zeros(3)}, path, "something else")
     with pytest.raises(InputError, match="holds no latent spaces of touch"):
-        read_models(path)
+        read_latent_models(path)
 
 
 @pytest.mark.parametrize("chosen", [{"inverse": "LL"}, {"inverse": "NG"}, {"inverse": "NJ"}, {"horizon": 4}])

@@ -11,8 +11,8 @@ from structlearn.tactile.pressed_skin import (
     TableRuns,
     drifted,
     plate_pairs,
-    seen,
     servo_on_table,
+    skin_signals,
     walks,
 )
 from structlearn.tactile.touch_dataset import TEST, TRAIN
@@ -29,22 +29,22 @@ def grid(size=8):
 
 
 def test_a_gain_of_all_channels_changes_the_last_signal_alone(counts):
-    signals, pressure = seen(counts, "either", by_norm=True)
-    stronger, more = seen(3.0 * counts, "either", by_norm=True)
+    signals, pressure = skin_signals(counts, "either", by_norm=True)
+    stronger, more = skin_signals(3.0 * counts, "either", by_norm=True)
     np.testing.assert_allclose(np.linalg.norm(signals[:, :-1], axis=1), 1.0)
     np.testing.assert_allclose(stronger[:, :-1], signals[:, :-1])
     np.testing.assert_allclose(more - pressure, np.log(3.0))
     np.testing.assert_array_equal(signals[:, -1], pressure)
     counts[7] = 0.0
     with pytest.raises(InputError, match="row 7 is zero in all channels"):
-        seen(counts, "either", by_norm=True)
+        skin_signals(counts, "either", by_norm=True)
 
 
 def test_pressure_follows_what_readings_do(counts):
     """Of a BioTac readings fall: p = -mean(s) (II.3.2)."""
-    np.testing.assert_array_equal(seen(counts, "falls", by_norm=False)[1], -counts.mean(axis=1))
-    np.testing.assert_array_equal(seen(counts, "rises", by_norm=False)[1], counts.mean(axis=1))
-    signals, pressure = seen(counts, "either", by_norm=False)
+    np.testing.assert_array_equal(skin_signals(counts, "falls", by_norm=False)[1], -counts.mean(axis=1))
+    np.testing.assert_array_equal(skin_signals(counts, "rises", by_norm=False)[1], counts.mean(axis=1))
+    signals, pressure = skin_signals(counts, "either", by_norm=False)
     np.testing.assert_array_equal(signals, counts)
     np.testing.assert_allclose(pressure**2, np.square(counts).sum(axis=1))
 

@@ -9,7 +9,7 @@ from test_rigid_body_excitation import two_joints
 
 from structlearn import command
 from structlearn.core.errors import InputError
-from structlearn.rigid_body.arm_kinematics import read_arm, read_shapes
+from structlearn.rigid_body.arm_kinematics import read_arm, read_collision_shapes
 from structlearn.tasks.motion import excite
 
 
@@ -43,7 +43,7 @@ def test_amplitudes_shrink_until_links_keep_their_distance(tmp_path, monkeypatch
     path.write_text(planar_arm(0.3, 0.3, 0.3))
     free = excite.random_series(its, 1, 0)[0]
     assert excite.clear(its, free, None, few) is free
-    shapes = read_shapes(read_arm(path, "tip"), (), np.zeros(3))
+    shapes = read_collision_shapes(read_arm(path, "tip"), (), np.zeros(3))
     distances = iter([0.0, 0.01, 0.5])
     monkeypatch.setattr(excite, "least_distance", lambda *_: next(distances))
     smaller = excite.clear(its, free, shapes, few)
@@ -58,5 +58,5 @@ def test_a_task_that_names_no_robot_is_an_error(tmp_path, monkeypatch):
         tmp_path, **entries, reaches={name: one for name, one in entries["pick"].items() if name != "robot"}
     )
     with pytest.raises(InputError, match="reaches: names no robot"):
-        excite.robot_of("reaches")
-    assert excite.robot_of("pick")[0] == "franka_panda/panda.urdf"
+        excite.task_urdf("reaches")
+    assert excite.task_urdf("pick")[0] == "franka_panda/panda.urdf"

@@ -15,7 +15,7 @@ from rigid_body_robots import joint, link
 
 from dissertation.simulation.arm import Payload, carrying
 from structlearn.core.errors import InputError
-from structlearn.core.minimum_jerk import progress
+from structlearn.core.signals import minimum_jerk
 from structlearn.readers.joint_log import JointLog
 from structlearn.rigid_body.base_parameters import base_parameters
 from structlearn.rigid_body.dynamics_models import rigid_body_torques
@@ -24,7 +24,7 @@ from structlearn.rigid_body.motion import Motion
 from structlearn.rigid_body.regressor import link_parameters, torque_regressor
 from structlearn.rigid_body.robot import Robot, read_urdf
 from structlearn.rigid_body.tree import LinkInertias
-from structlearn.tasks.motion.joint_motion import learn_motion
+from structlearn.tasks.motion.learning import learn_motion
 from structlearn.tasks.motion.parameters import LARGEST_CONDITION, MotionParameters
 
 
@@ -65,7 +65,9 @@ def made_up_log(robot: Robot, name: str, seed: int, seconds: float = 24.0, load_
     time = np.arange(0.0, seconds, 0.01)
     after = np.clip(time - 1.5, 0.0, None)[:, None, None]
     rates, sizes, phases = 2.0 + 3.0 * rng.random((3, 3)), 0.3 * rng.random((3, 3)), 6.0 * rng.random((3, 3))
-    q = progress(np.minimum(after[..., 0] / 2.0, 1.0)) * (sizes * np.sin(rates * after + phases)).sum(axis=-1)
+    q = minimum_jerk(np.minimum(after[..., 0] / 2.0, 1.0)) * (sizes * np.sin(rates * after + phases)).sum(
+        axis=-1
+    )
     qd = np.gradient(q, time, axis=0)
     motion = Motion(q, qd, np.gradient(qd, time, axis=0), np.zeros_like(q))
     loaded = carrying(heavier(robot.inertias), Payload(load_kg, (0.2, 0.0, 0.1), 0.0))

@@ -14,17 +14,18 @@ from dissertation.evidence.claims import read_claims
 from dissertation.recorded.coupling import learning as coupling_representations
 from dissertation.recorded.coupling import page as section
 from dissertation.recorded.readers import coupling_samples
-from structlearn.avoidance import scene_folds, scene_models
+from structlearn.avoidance import scene_models
 from structlearn.avoidance.avoidance_dataset import AvoidanceDataset
-from structlearn.avoidance.features import features
-from structlearn.avoidance.scene_folds import ALL_MODELS, MODELS, folds_of_people, learn_past_obstacles
+from structlearn.avoidance.features import obstacle_features
 from structlearn.avoidance.scene_reaches import ONSET_SHARE, SceneLearningParameters, reaches_past_obstacles
 from structlearn.core.errors import InputError, MissingInputError
-from structlearn.core.minimum_jerk import progress
 from structlearn.core.rates import rate_interval
+from structlearn.core.signals import minimum_jerk
 from structlearn.primitives import canonical, kernels
 from structlearn.primitives.position import fit_position
 from structlearn.readers.demonstration import Demonstration, NamedShape
+from structlearn.tasks.obstacles import learning
+from structlearn.tasks.obstacles.learning import ALL_MODELS, MODELS, folds_of_people, learn_past_obstacles
 from structlearn.tasks.obstacles.page import SceneWays, scene_findings, scene_pictures
 
 BOXES = {"walls": ["boundary"], "reaches": {"longest_s": 4.0}}
@@ -42,7 +43,7 @@ WALLS = [
 def made_up_trial(person, number, bow=0.0, x=0.0, move_s=MOVE_S, late_s=0.2):
     """A hand that rests, reaches 0.4 m forward with a bow of so many m to the right, and rests."""
     time = np.arange(0.0, move_s + 2 * REST_S, 1.0 / RATE_HZ)
-    share = progress(np.clip((time - REST_S) / move_s, 0.0, 1.0))
+    share = minimum_jerk(np.clip((time - REST_S) / move_s, 0.0, 1.0))
     side = 0.03 * number + bow * np.sin(np.pi * share)
     position = np.column_stack([side, -0.25 + 0.4 * share, 0.78 + 0.02 * np.sin(np.pi * share)])
     box = NamedShape("box A", "cube", np.array([x, -0.05, 0.79]), UPRIGHT, np.array([0.1, 0.05, 0.12]))
@@ -70,13 +71,13 @@ def made_up_reaches():
 def made_up_results():
     reaches, left_out = made_up_reaches()
     folds = folds_of_people(reaches, PARAMETERS)
-    return scene_folds.judge_folds(reaches, left_out, folds, PARAMETERS)
+    return learning.judge_folds(reaches, left_out, folds, PARAMETERS)
 
 
 def test_a_reach_begins_at_its_onset_and_ends_at_the_target():
     (reach,), left_out = reaches_past_obstacles([made_up_trial("p1", 0, 0.1)], PARAMETERS)
     assert left_out.empty
-    speed = np.gradient(progress(np.linspace(0.0, 1.0, 2001)))
+    speed = np.gradient(minimum_jerk(np.linspace(0.0, 1.0, 2001)))
     begins = MOVE_S * np.argmax(speed > ONSET_SHARE * speed.max()) / 2000
     assert reach.duration_s == pytest.approx(MOVE_S - begins, abs=0.04)
     assert np.allclose(reach.in_base_frame[-1], [0.0, 0.15, 0.78], atol=2e-3)
@@ -131,11 +132,11 @@ def test_nobody_is_judged_by_what_was_learned_from_them():
     results = made_up_results()
     assert set(results.reaches["person"]) == {"p1", "p2"}  # p0 is only learned from
     assert results.reaches.groupby("person")["fold"].nunique().eq(1).all()
-    assert results.reaches.groupby("model").size().to_dict() == dict.fromkeys(scene_folds.ALL_MODELS, 6)
+    assert results.reaches.groupby("model").size().to_dict() == dict.fromkeys(learning.ALL_MODELS, 6)
     # pictures are chosen by the scene alone
     assert results.paths["reach"].unique().tolist() == ["p1_0", "p1_2", "p2_0", "p2_2"]
     shuffled = results.reaches.assign(hit=~results.reaches["hit"]).sample(frac=1.0, random_state=0)
-    assert scene_folds.shown_reaches(shuffled) == ["p1_0", "p1_2", "p2_0", "p2_2"]
+    assert learning.pictured_reaches(shuffled) == ["p1_0", "p1_2", "p2_0", "p2_2"]
 
 
 def test_few_people_are_left_out_one_at_a_time():
@@ -164,9 +165,9 @@ def test_scores_tell_blocked_from_free_and_the_sides():
     assert rows.loc["scene", "left_mm"].max() < 1e3 * scene_models.END_LIMIT_M + 5.0
     reaches, _ = made_up_reaches()
     own = np.array([reach.in_base_frame for reach in reaches])  # who is the same as themselves
-    rows = scene_folds.scores(reaches, own, np.zeros(len(own)), PARAMETERS.hand_radius_m)
+    rows = learning.reach_scores(reaches, own, np.zeros(len(own)), PARAMETERS.hand_radius_m)
     assert (rows["same_gaps"].all(), rows["path_mm"].max()) == (True, 0.0)
-    pairs = scene_folds.beside_each_other(reaches)
+    pairs = learning.beside_each_other(reaches)
     assert len(pairs) == 9  # three scenes, three pairs of people
     assert (pairs["path_mm"].max() < 30.0, pairs["same_gaps"].all()) == (True, True)
 
@@ -179,7 +180,7 @@ def test_the_text_sees_the_nearest_box():
     clouds = np.stack([scenes.clouds[:, 0] + [0.0, 0.5, 0.0], scenes.clouds[:, 0]], axis=1)
     seen, x = scene_models.nearest_seen(position, velocity, clouds)
     near = clouds[:, 1]
-    expected = features(position, velocity, 1.0, near, near.mean(axis=1))
+    expected = obstacle_features(position, velocity, 1.0, near, near.mean(axis=1))
     assert np.allclose(seen, expected)
     assert np.allclose(x, near[..., 0])
 

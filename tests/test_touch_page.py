@@ -19,8 +19,8 @@ from structlearn.core.artefacts import write_csv, write_table
 from structlearn.reporting.document import render, words_in_view
 from structlearn.tasks.task_entry import source_digests, write_task
 from structlearn.tasks.task_files import LEFT_OUT, TaskFiles
+from structlearn.tasks.touch.page import find_surfaces
 from structlearn.tasks.touch.skin_section import SkinRuns, find_skin
-from structlearn.tasks.touch.surface_section import find_surfaces
 from structlearn.tasks.touch.touch_names import COMPONENTS, PARTNERS, PLAIN, SLIDES, STRUCTURED, TESTS
 
 

@@ -12,11 +12,11 @@ from viewer_files import contents, note
 
 from structlearn.core.errors import MissingInputError
 from structlearn.palette import PLATE_CORNERS, place_colours
-from structlearn.readers.user_tables import TouchLog
+from structlearn.readers.touch_log import TouchLog
 from structlearn.tactile.pressed_skin import held_out
 from structlearn.tasks.touch import skin_force, skin_readings
 from structlearn.tasks.touch import touch_names as names
-from structlearn.tasks.touch.skin_protocol import learn_touch, table_of
+from structlearn.tasks.touch.learning import learn_touch, table_of
 from structlearn.tasks.touch.skin_section import SkinRuns, find_skin
 from structlearn.tasks.touch.skin_touches import folds_of, gathered
 from structlearn.tasks.touch.view import skin

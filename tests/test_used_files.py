@@ -13,8 +13,7 @@ import structlearn
 from structlearn.core.errors import InputError
 from structlearn.core.parallel import parallel_map
 from structlearn.core.publication import publish
-from structlearn.core.reading import require_file
-from structlearn.core.used_files import COMPARED, watched
+from structlearn.core.used_files import COMPARED, require_file, watched
 
 STAGE = """
 import time
@@ -23,7 +22,7 @@ from pathlib import Path
 import beside
 from structlearn.core.params import Parameters
 from structlearn.core.publication import publish
-from structlearn.core.reading import require_file
+from structlearn.core.used_files import require_file
 from structlearn.core.stage import run, stage_parameters
 
 class Fit(Parameters):
@@ -106,8 +105,8 @@ CHANGES = {
     "a module beside it": ("run", "beside.py", replacing("beside.py", b"1", b"2")),
     "the package": (
         "run",
-        "structlearn/core/reading.py",
-        replacing("structlearn/core/reading.py", b"2**30", b"2**31"),
+        "structlearn/core/used_files.py",
+        replacing("structlearn/core/used_files.py", b"2**30", b"2**31"),
     ),
     "code that was loaded before": ("loaded", "beside.py", replacing("beside.py", b"1", b"2")),
     "an input": ("run", "small.csv", replacing("small.csv", b"1", b"2")),
@@ -124,7 +123,7 @@ def test_a_change_of_what_a_stage_uses_fails_it_before_it_publishes(project, cha
 
 def touched(project):
     """New times and new files of equal content, as after changing branches and back."""
-    for name in ("params.yaml", "stage.py", "beside.py", "structlearn/core/reading.py"):
+    for name in ("params.yaml", "stage.py", "beside.py", "structlearn/core/used_files.py"):
         replacing(name, b"", b"")(project)
     os.utime(project / "small.csv")
 

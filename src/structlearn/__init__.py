@@ -8,4 +8,4 @@ __version__ = "0.1.0"
 if os.environ.get("PYTHONPATH"):
     from structlearn.core import shadowing
 
-    sys.excepthook = shadowing.report
+    sys.excepthook = shadowing.report_hidden_import

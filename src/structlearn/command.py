@@ -84,13 +84,13 @@ def _entry(given: argparse.Namespace, name: str, source: Path) -> list[str]:
         return [f"  {line}" for line in yaml.safe_dump({name: values}, sort_keys=False).splitlines()]
     from structlearn.tasks.inspection.recordings_report import as_yaml, find_out
 
-    found = find_out(str(source), given.urdf)
-    if found.proposal is None:
-        reasons = "; ".join(f"{file}: {why}" for file, why in found.seen.damaged.items())
+    report = find_out(str(source), given.urdf)
+    if report.proposal is None:
+        reasons = "; ".join(f"{file}: {why}" for file, why in report.seen.damaged.items())
         raise InputError(f"{source}: no stream could be the pose of a hand{reasons and ': '}{reasons}")
-    for answer in found.answers:
+    for answer in report.answers:
         print(f"{answer.verdict:12} {answer.question} {answer.number}")
-    return as_yaml(found.proposal._replace(name=name))
+    return as_yaml(report.proposal._replace(name=name))
 
 
 def _begin(folder: Path) -> None:
@@ -178,9 +178,9 @@ def defaults(given: argparse.Namespace) -> None:
 
 def inspect(given: argparse.Namespace) -> None:
     """Show the contents of recordings and their suitability, and propose an entry."""
-    from structlearn.tasks.inspection.recordings_report import inspect as look
+    from structlearn.tasks.inspection.recordings_report import inspect_source
 
-    look(given.source, given.urdf, given.output)
+    inspect_source(given.source, given.urdf, given.output)
 
 
 def excite(given: argparse.Namespace) -> None:
@@ -212,10 +212,10 @@ def _dvc(folder: Path, *words: str) -> None:
 def _beside_python(program: str) -> str:
     """Path of a program in this Python environment, or else on the system's path."""
     beside = Path(sys.executable).with_name(program)
-    found = str(beside) if beside.exists() else shutil.which(program)
-    if found is None:
+    place = str(beside) if beside.exists() else shutil.which(program)
+    if place is None:
         raise InputError(f"{program}: is not installed beside {sys.executable}")
-    return found
+    return place
 
 
 def _quietly(words: Sequence[str]) -> bool:
@@ -234,39 +234,41 @@ def _arguments(words: list[str] | None) -> argparse.Namespace:
 
     def command(name: str, do: Callable[[argparse.Namespace], None]) -> argparse.ArgumentParser:
         words = (do.__doc__ or "").rstrip(".")
-        its = commands.add_parser(name, help=words[0].lower() + words[1:], description=words)
-        its.set_defaults(do=do)
-        return its
+        subparser = commands.add_parser(name, help=words[0].lower() + words[1:], description=words)
+        subparser.set_defaults(do=do)
+        return subparser
 
-    one = command("new", new)
-    one.add_argument("name", help="folder to make; its last part is the task's name")
-    one.add_argument("--from", dest="source", required=True, help="a recording, or a folder of them")
-    one.add_argument("--kind", choices=KINDS, default="movement", help="kind of data (default: movement)")
-    one.add_argument("--urdf", help="the robot: to compute poses from joints, or to identify")
-    one = command("run", make)
-    one.add_argument("task", nargs="?", help="default: all")
-    one = command("check", check)
-    one.add_argument("task")
-    one = command("view", view)
-    one.add_argument("task")
-    one.add_argument("--web", action="store_true", help="serve them to a browser")
-    one = command("export", export)
-    one.add_argument("task")
-    one.add_argument("--format", choices=["lerobot"], default="lerobot")
-    one.add_argument("--to", type=Path, help="folder to make (default: the task's name)")
-    one.add_argument("--fps", type=int, help="frames per second (default: those of the task's clock)")
-    one.add_argument("--words", help="description of the task (default: the task's title or name)")
-    one.add_argument("--robot", help="name of the robot")
-    one = command("excite", excite)
-    robot = one.add_mutually_exclusive_group(required=True)
+    subparser = command("new", new)
+    subparser.add_argument("name", help="folder to make; its last part is the task's name")
+    subparser.add_argument("--from", dest="source", required=True, help="a recording, or a folder of them")
+    subparser.add_argument(
+        "--kind", choices=KINDS, default="movement", help="kind of data (default: movement)"
+    )
+    subparser.add_argument("--urdf", help="the robot: to compute poses from joints, or to identify")
+    subparser = command("run", make)
+    subparser.add_argument("task", nargs="?", help="default: all")
+    subparser = command("check", check)
+    subparser.add_argument("task")
+    subparser = command("view", view)
+    subparser.add_argument("task")
+    subparser.add_argument("--web", action="store_true", help="serve them to a browser")
+    subparser = command("export", export)
+    subparser.add_argument("task")
+    subparser.add_argument("--format", choices=["lerobot"], default="lerobot")
+    subparser.add_argument("--to", type=Path, help="folder to make (default: the task's name)")
+    subparser.add_argument("--fps", type=int, help="frames per second (default: those of the task's clock)")
+    subparser.add_argument("--words", help="description of the task (default: the task's title or name)")
+    subparser.add_argument("--robot", help="name of the robot")
+    subparser = command("excite", excite)
+    robot = subparser.add_mutually_exclusive_group(required=True)
     robot.add_argument("--task", help="a task whose entry names the robot")
     robot.add_argument("--urdf", help="the robot")
-    one.add_argument("--lock", nargs="*", default=(), help="joints that do not move, e.g. of a gripper")
+    subparser.add_argument("--lock", nargs="*", default=(), help="joints that do not move, e.g. of a gripper")
     command("defaults", defaults)
-    one = command("inspect", inspect)
-    one.add_argument("source", help="a file, a bag, or a folder of them")
-    one.add_argument("--urdf", help="the robot, to compute poses from joints")
-    one.add_argument("--output", type=Path, help="file for the proposed entry")
+    subparser = command("inspect", inspect)
+    subparser.add_argument("source", help="a file, a bag, or a folder of them")
+    subparser.add_argument("--urdf", help="the robot, to compute poses from joints")
+    subparser.add_argument("--output", type=Path, help="file for the proposed entry")
     return parser.parse_args(words)
 
 

@@ -16,7 +16,7 @@ from typing import NamedTuple
 from structlearn.core.artefacts import read_description, read_metrics, read_table, read_tensors
 from structlearn.core.errors import InputError
 from structlearn.core.params import read_values
-from structlearn.core.reading import digest as file_digest
+from structlearn.core.used_files import digest as file_digest
 from structlearn.readers.raw_messages import read_bag
 
 SKILL = '{"reactive_skill"'  # start of a skill file's description
@@ -35,9 +35,9 @@ def main() -> None:
         faults += [_fault(file) for file in files]
         for lock in () if files else locks:
             written = outputs(lock)
-            parts = {its.part for its in written}
-            here = {its.part for its in written if _is_made_here(its)}
-            faults += changed(its for its in written if its.part in here)
+            parts = {output.part for output in written}
+            here = {output.part for output in written if _is_made_here(output)}
+            faults += output_faults(output for output in written if output.part in here)
             if some := len(parts - here):
                 which = f"{some} of its {len(parts)} tasks or cells have" if here else "has"
                 print(f"{lock.with_name('dvc.yaml')}: {which} not been run here")
@@ -70,8 +70,8 @@ def outputs(lock: Path, root: Path = Path()) -> list[Output]:
         stages = read_values(lock)["stages"].items()
         return [
             Output(name, root / out["path"], out["md5"])
-            for name, its in stages
-            for out in its.get("outs", ())
+            for name, stage in stages
+            for out in stage.get("outs", ())
         ]
     except (AttributeError, KeyError, TypeError) as error:  # missing or misplaced entries
         raise InputError(f"{lock}: not a lock file of DVC: {type(error).__name__}: {error}") from error
@@ -82,23 +82,23 @@ def _is_made_here(output: Output) -> bool:
     return output.path.parts[:1] != ("reports",) and output.path.exists()
 
 
-def changed(outputs: Iterable[Output]) -> Iterator[str | None]:
+def output_faults(outputs: Iterable[Output]) -> Iterator[str | None]:
     """Fault of each output that differs from what was written; None for intact ones."""
     for name, path, written in outputs:
         try:
-            yield None if digest(path) == written else f"{path}: not as stage '{name}' left it"
+            yield None if dvc_digest(path) == written else f"{path}: not as stage '{name}' left it"
         except FileNotFoundError:
             yield f"{path}: is not there; stage '{name}' writes it"
         except (OSError, ValueError) as error:  # ValueError: null byte in the path
             yield f"{path}: cannot be read: {error}"
 
 
-def digest(path: Path) -> str:
+def dvc_digest(path: Path) -> str:
     """MD5 of a file, or of the JSON list of a folder's files with their MD5, as in DVC."""
     if not path.is_dir():
         return file_digest(path, "md5")
     files = sorted((file.relative_to(path).as_posix(), file) for file in path.rglob("*") if file.is_file())
-    listing = [{"md5": digest(file), "relpath": name} for name, file in files]
+    listing = [{"md5": dvc_digest(file), "relpath": name} for name, file in files]
     return hashlib.md5(json.dumps(listing, sort_keys=True).encode()).hexdigest() + ".dir"
 
 

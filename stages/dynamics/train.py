@@ -5,8 +5,8 @@ import pandas as pd
 from dissertation.dynamics.files import as_motion, read_logs
 from dissertation.dynamics.protocol.trainings import (
     DynamicsTrainingParameters,
-    scores,
-    train,
+    optimiser_scores,
+    train_all,
     trainings,
 )
 from dissertation.simulation.arm import ArmParameters
@@ -23,7 +23,7 @@ def main() -> None:
     robots = read_logs(ROBOT)
     motions = {IDEAL: as_motion(read_logs(IDEAL)[IDEAL])}
     motions |= {f"{ROBOT}/{seed}": as_motion(log, parameters.smoothing_hz) for seed, log in robots.items()}
-    models, errors, outcomes = train(
+    models, errors, outcomes = train_all(
         trainings([int(seed) for seed in robots], parameters), motions, robot.tree, parameters
     )
 
@@ -45,7 +45,7 @@ def main() -> None:
         write_table(outcomes, folder / "outcomes.parquet")
         write_table(pd.concat(links, ignore_index=True), folder / "links.parquet")
         write_table(pd.concat(combinations, ignore_index=True), folder / "base_parameters.parquet")
-        write_metrics(scores(outcomes, parameters.epochs.simulation), folder / "scores.json")
+        write_metrics(optimiser_scores(outcomes, parameters.epochs.simulation), folder / "scores.json")
 
 
 if __name__ == "__main__":

@@ -8,7 +8,7 @@ from dissertation.obstacles.files import read_baselines
 from dissertation.obstacles.protocol import avoidance_protocols
 from dissertation.obstacles.world.scenarios import SceneParameters, own_scenarios, scenarios
 from structlearn.avoidance.avoidance_dataset import AvoidanceDataParameters
-from structlearn.avoidance.learned_models import read_models
+from structlearn.avoidance.learned_models import read_avoidance_models
 from structlearn.core.artefacts import publish, write_table
 from structlearn.core.parallel import parallel_map
 from structlearn.core.params import Population
@@ -24,12 +24,12 @@ def main() -> None:
     own = own_scenarios(places, list(baselines))
     learners = [
         avoidance_protocols.Learner(
-            person, baseline, read_models(f"data/obstacles/models/{person}"), own[person]
+            person, baseline, read_avoidance_models(f"data/obstacles/models/{person}"), own[person]
         )
         for person, baseline in baselines.items()
     ]
 
-    evaluate = partial(avoidance_protocols.evaluate, parameters=parameters, with_paths_of=shown)
+    evaluate = partial(avoidance_protocols.evaluate_avoidance, parameters=parameters, with_paths_of=shown)
     work = [
         (learner, situation)
         for learner in learners

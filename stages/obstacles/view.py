@@ -29,7 +29,7 @@ def main() -> None:
     shown = demonstrated_avoidance.shown_scenarios(places, names, recorded, samples, reaches, cloud_count)
     hit = {number for _, number in unrolled_reaches.hit_settings(reaches, avoidance_protocols.TRAINED)}
     settings = [(place, place.setting in hit) for place in places if place.shape == places[0].shape]
-    unseen = avoidance_protocols.unseen(baseline)
+    unseen = avoidance_protocols.unseen_scenarios(baseline)
     beyond = [
         avoidance_protocols.moving(baseline, tested),
         avoidance_protocols.pairs(baseline, tested),

@@ -6,12 +6,12 @@ from dataclasses import replace
 import pandas as pd
 
 from dissertation.scraping.protocol.board_refinement import (
-    Board,
+    BoardEnvironment,
     BoardRefinementParameters,
     read_board,
 )
 from dissertation.scraping.protocol.execution_scores import AFTER, BEFORE
-from dissertation.scraping.protocol.sample_efficiency import ComparisonParameters, compare
+from dissertation.scraping.protocol.sample_efficiency import ComparisonParameters, compare_searches
 from dissertation.scraping.world.testbed import TestbedParameters
 from structlearn.core.artefacts import publish, write_table
 from structlearn.core.stage import run, stage_parameters
@@ -37,7 +37,7 @@ def main() -> None:
 
 
 def searches(
-    board: Board,
+    board: BoardEnvironment,
     before: Mapping[str, CouplingModel],
     after: Mapping[str, CouplingModel],
     refined: BoardRefinementParameters,
@@ -50,7 +50,7 @@ def searches(
         start = refinement.start(own, before[name], refined, exploration).compressed
         first = refined.seed * parameters.seeds
         searched = replace(own, with_samples=False)
-        table = compare(searched, start, exploration, refined.search, parameters, first)
+        table = compare_searches(searched, start, exploration, refined.search, parameters, first)
         tables.append(table.assign(primitive=name))
     return pd.concat(tables, ignore_index=True)
 

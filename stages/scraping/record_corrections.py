@@ -1,7 +1,7 @@
 """Record corrected demonstrations on the tilted board, one set per setting (IV.9.1.3, iii)."""
 
 from dissertation.scraping.protocol.execution_scores import ExecutionParameters
-from dissertation.scraping.protocol.executions import corrected_runs, executions
+from dissertation.scraping.protocol.executions import executions, runs_to_correct
 from dissertation.scraping.world.testbed import TestbedParameters
 from structlearn.core.artefacts import publish
 from structlearn.core.stage import run, stage_parameters
@@ -14,7 +14,7 @@ def main() -> None:
     parameters = stage_parameters("record_corrections", ExecutionParameters)
     testbed = stage_parameters("testbed", TestbedParameters)
     skill = ReactiveSkill(read_primitives("data/primitives/scraping/primitives.safetensors"))
-    runs = corrected_runs(parameters.settings_deg, parameters.runs)
+    runs = runs_to_correct(parameters.settings_deg, parameters.runs)
     recordings = executions(skill, runs, testbed)
     with publish("data/raw/scraping/corrections") as folder:
         folder.mkdir()

@@ -1,11 +1,15 @@
 """Cut errors under noise and under down-sampling of the alignment (dissertation IV.5, appendix C)."""
 
-from dissertation.scraping.protocol.cut_sweep import SweepParameters, downsampling_sweep, noise_sweep
+from dissertation.scraping.protocol.cut_sweep import (
+    SweepParameters,
+    downsampling_effect,
+    downsampling_sweep,
+    noise_sweep,
+)
 from dissertation.scraping.world.demonstrator import DemonstratorParameters
 from structlearn.core.artefacts import publish, write_table
 from structlearn.core.stage import run, stage_parameters
 from structlearn.readers.demonstration import read_runs
-from structlearn.segmentation.cut_errors import downsampling_effect
 from structlearn.segmentation.parameters import SegmentParameters
 
 

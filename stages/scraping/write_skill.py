@@ -8,7 +8,7 @@ from structlearn.core.stage import run, stage_parameters
 from structlearn.feedback.coupling_model import read_networks
 from structlearn.feedback.coupling_targets import SupervisionParameters, sensor_channels
 from structlearn.feedback.skill import ReactiveSkill, demonstrated_limits, demonstrated_workspace, on_axis
-from structlearn.feedback.skill_file import SkillParameters, provenance, write_skill
+from structlearn.feedback.skill_file import SkillParameters, skill_provenance, write_skill
 from structlearn.primitives.fitting import FitParameters
 from structlearn.primitives.primitive_files import read_primitives
 from structlearn.readers.demonstration import read_runs
@@ -43,7 +43,7 @@ def main() -> None:
     )
     used = {key: model.model_dump(mode="json") for key, model in parameters.items()}
     bags = [RAW / name for name in ("nominal", "unrolls", "corrections")]
-    write_skill(skill, f"{DATA}/skill.safetensors", provenance(bags, used))
+    write_skill(skill, f"{DATA}/skill.safetensors", skill_provenance(bags, used))
 
 
 if __name__ == "__main__":

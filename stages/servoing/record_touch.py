@@ -2,7 +2,7 @@
 
 import pandas as pd
 
-from dissertation.simulation.fingers import TouchParameters
+from dissertation.simulation.fingers import PinchParameters
 from dissertation.simulation.touch import TouchFingerParameters
 from dissertation.simulation.touch_demonstrator import (
     ToucherParameters,
@@ -18,7 +18,7 @@ from structlearn.readers import write_recordings
 def main() -> None:
     person = stage_parameters("toucher", ToucherParameters)
     finger = stage_parameters("touch_finger", TouchFingerParameters)
-    electrodes = stage_parameters("testbed.touch", TouchParameters)
+    electrodes = stage_parameters("testbed.touch", PinchParameters)
     runs = list(demonstrate(person, finger.with_electrodes_of(electrodes)))
     recordings = [recorded(one, person) for one in runs]
     truth = pd.concat([true_contacts(one, person) for one in runs], ignore_index=True)

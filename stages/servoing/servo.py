@@ -2,19 +2,19 @@
 
 import pandas as pd
 
-from dissertation.servoing.protocol.servo_trials import compare
+from dissertation.servoing.protocol.servo_trials import compare_controllers
 from dissertation.servoing.protocol.servo_variants import (
     OtherSkinsParameters,
     ServoTrialParameters,
     variants,
     variants_of_other_skins,
 )
-from dissertation.simulation.fingers import TouchParameters
+from dissertation.simulation.fingers import PinchParameters
 from dissertation.simulation.touch import TouchFingerParameters
 from dissertation.simulation.touch_demonstrator import ToucherParameters
 from structlearn.core.artefacts import publish, write_table
 from structlearn.core.stage import run, stage_parameters
-from structlearn.tactile.latent_models import read_models
+from structlearn.tactile.latent_models import read_latent_models
 
 
 def main() -> None:
@@ -22,19 +22,19 @@ def main() -> None:
     person = stage_parameters("toucher", ToucherParameters)
     other = stage_parameters("other_skins", OtherSkinsParameters)
     finger = stage_parameters("touch_finger", TouchFingerParameters).with_electrodes_of(
-        stage_parameters("testbed.touch", TouchParameters)
+        stage_parameters("testbed.touch", PinchParameters)
     )
     with publish("data/servoing/servo") as folder:
         folder.mkdir()
-        trained = read_models("data/servoing/models.safetensors")
-        comparison = compare(trained, person, finger, parameters, variants(parameters.horizon))
+        trained = read_latent_models("data/servoing/models.safetensors")
+        comparison = compare_controllers(trained, person, finger, parameters, variants(parameters.horizon))
         for name, table in comparison.items():
             write_table(table, folder / f"{name}.parquet")
         trials = []
         for name in other.skins:
-            trained = read_models(f"data/servoing/other_skins/{name}.safetensors")
+            trained = read_latent_models(f"data/servoing/other_skins/{name}.safetensors")
             its_person, chosen = other.person_with(name, person), variants_of_other_skins()
-            found = compare(trained, its_person, finger, parameters, chosen)["trials"]
+            found = compare_controllers(trained, its_person, finger, parameters, chosen)["trials"]
             trials.append(found.assign(skin=name))
         write_table(pd.concat(trials, ignore_index=True), folder / "other_skins.parquet")
 

@@ -34,11 +34,11 @@ from structlearn.readers.demonstration import NamedShape
 from structlearn.readers.foreign_tables import read_stamped_table
 from structlearn.readers.joint_log import DriveLog, JointLog, read_log_table, signals_of, write_log_table
 from structlearn.readers.lerobot import read_movement
-from structlearn.readers.user_tables import read_touch_table
+from structlearn.readers.touch_log import read_touch_table
 from structlearn.rigid_body.robot import read_urdf
 from structlearn.segmentation.parameters import SegmentParameters
 from structlearn.tasks.task_entry import read_task
-from structlearn.verify import changed, outputs
+from structlearn.verify import output_faults, outputs
 
 
 @dataclass(frozen=True)
@@ -182,7 +182,7 @@ UNSIGNED = {
     "sub_01/T007/HandTracker_movement_T007.csv, sub_01/T007/grid_objects_layout_T007.csv": (
         lambda path: write_boxes(path.parents[2]), lambda path: read_obstacles(path.parents[2], None)
     ),
-    "dvc.lock": (_lock, lambda path: list(changed(outputs(path, path.parent)))),
+    "dvc.lock": (_lock, lambda path: list(output_faults(outputs(path, path.parent)))),
     "params.yaml": (
         lambda path: path.write_text(yaml.safe_dump({"segment": parameter_tree({})["segment"]})),
         lambda path: read_parameters(path, "segment", SegmentParameters),

@@ -24,7 +24,7 @@ from rosbags.typesys import Stores, get_typestore
 
 from dissertation.recorded.readers import kuka_lwr4
 from dissertation.recorded.readers.ur10e import read_motion
-from structlearn.core import reading
+from structlearn.core import used_files
 from structlearn.core.artefacts import read_metrics, read_tensors, write_tensors
 from structlearn.core.params import read_values
 from structlearn.feedback.skill_file import KIND, read_skill
@@ -231,7 +231,7 @@ FILES = {
 
 @pytest.mark.parametrize("name", FILES)
 def test_each_is_refused_in_one_line(tmp_path, monkeypatch, name):
-    monkeypatch.setattr(reading, "LARGEST", 2**29)  # at least the memory of a trial
+    monkeypatch.setattr(used_files, "LARGEST", 2**29)  # at least the memory of a trial
     write, read, words = FILES[name]
     write(tmp_path / name)
     came, said = outcome(read, tmp_path / name, "")

@@ -59,6 +59,6 @@ RULES = {PUBLISHED: "the published rules", LIMITED: "limits at the goal"}
 """Rules that limit a coupling term before it is applied."""
 
 
-def model_name(kind: str, learned_from: str) -> str:
+def fitted_name(kind: str, learned_from: str) -> str:
     """Kind of a model and what it learned from, e.g. `network, sphere`."""
     return f"{KINDS[kind].name}, {SOURCES[learned_from].name}" if learned_from else KINDS[kind].name

@@ -21,7 +21,7 @@ TABLES = {
     "skins": ("latent", "directions"),
 }
 """Tables in these folders, see `tactile.latent_comparison.LatentComparison` and
-`protocol.servo_trials.compare`; tables of other skins have a column `skin`."""
+`protocol.servo_trials.compare_controllers`; tables of other skins have a column `skin`."""
 
 
 def tables(source: str) -> dict[str, pd.DataFrame]:

@@ -1,6 +1,6 @@
 """Names, order and colours of the controllers and models that the page and the recordings show."""
 
-from dissertation.servoing.protocol.servo_variants import ADAPTIVE, PUBLISHED, Variant
+from dissertation.servoing.protocol.servo_variants import ADAPTIVE, PUBLISHED, ServoVariant
 from structlearn.palette import BLACK, BLUE, GREEN, GREY, LIGHT_BLUE, LIGHT_GREY, OCHRE, ORANGE, PINK
 from structlearn.tactile.latent_parameters import (
     JACOBIAN,
@@ -17,7 +17,7 @@ INVERSE_COLOURS: dict[InverseModel, str] = {LOCALLY_LINEAR: GREEN, NEGATIVE_GRAD
 
 FORM_NAMES = {PUBLISHED: "published controller", ADAPTIVE: "adaptive controller"}
 FORM_COLOURS = {PUBLISHED: OCHRE, ADAPTIVE: BLUE}
-AS_PUBLISHED, OURS = Variant(PUBLISHED, JACOBIAN), Variant(ADAPTIVE, JACOBIAN)
+AS_PUBLISHED, OURS = ServoVariant(PUBLISHED, JACOBIAN), ServoVariant(ADAPTIVE, JACOBIAN)
 """The dissertation's controller and the adaptive controller, both with the non-linear model's Jacobian."""
 
 STRUCTURE_NAMES = {True: "structure", False: "no structure"}  # latent spaces

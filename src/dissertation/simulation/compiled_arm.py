@@ -14,16 +14,16 @@ Cholesky factorisation.
 
 import numpy as np
 
+from dissertation.simulation.compiled_chain import ChainState, factorise, solve
 from structlearn.core.compilation import compiled_inside, numba
-from structlearn.rigid_body.compiled_chain import Workspace, factorise, solve
 
 TIE = 1e-9
 """Relative excess of force at which a held joint starts to slide, so that rounding cannot cause cycles."""
 
 
 @numba.njit(cache=True)
-def step(
-    coulomb: np.ndarray, torques: np.ndarray, dt: float, work: Workspace, q: np.ndarray, qd: np.ndarray
+def step_arm(
+    coulomb: np.ndarray, torques: np.ndarray, dt: float, work: ChainState, q: np.ndarray, qd: np.ndarray
 ) -> None:
     """Advance q and qd (n,) by dt, in place; a joint held by friction has exactly zero velocity.
 

@@ -35,7 +35,7 @@ HOME_MM = (-2.0, -3.0)  # unloaded contact centres along the fingers, from the t
 HOME_ACROSS_MM = (0.0, 1.0)  # the same across the fingers; chosen, since two fingers never align exactly
 
 
-class TouchParameters(ResponseParameters):
+class PinchParameters(ResponseParameters):
     """Two fingers pinching a tool."""
 
     grip_n: float = Field(gt=0)  # a 60 g tool pushed with 1 N does not slip at friction 0.5
@@ -59,7 +59,7 @@ class FingerPair:
     """
 
     def __init__(
-        self, parameters: TouchParameters, sensor_seed: int, trial: np.random.Generator, rate_hz: float
+        self, parameters: PinchParameters, sensor_seed: int, trial: np.random.Generator, rate_hz: float
     ) -> None:
         """Grasp a tool; `sensor_seed`: of single electrodes; `trial`: of grip, place of the tool and noise.
 
@@ -134,7 +134,7 @@ def take(readings: Readings, number: int, sample: np.ndarray, counts: np.ndarray
         counts[channel] = np.rint(felt[channel] + readings.noise[number, channel])
 
 
-def _grasp(parameters: TouchParameters, rng: np.random.Generator) -> np.ndarray:
+def _grasp(parameters: PinchParameters, rng: np.random.Generator) -> np.ndarray:
     """Load N, along mm and across mm of both pads for an unloaded tool, (2, 3)."""
     grip = parameters.grip_n * np.exp(parameters.grip_spread * rng.standard_normal())
     seat = np.column_stack([HOME_MM, HOME_ACROSS_MM])

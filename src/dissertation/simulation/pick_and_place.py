@@ -17,9 +17,10 @@ import numpy as np
 
 import structlearn
 from dissertation.simulation.hand_noise import hand_noise
-from structlearn.core import minimum_jerk, quaternion
+from structlearn.core import quaternion
 from structlearn.core.artefacts import publish
 from structlearn.core.frames import UP
+from structlearn.core.signals import minimum_jerk
 from structlearn.core.stage import run
 from structlearn.readers.bag_recording import to_metadata
 from structlearn.readers.demonstration import Kind, Recording, Stream
@@ -49,7 +50,7 @@ GRASP = {2: (1, 1), 3: (1, 2), 5: (1, 4)}  # number of moves after which the gri
 
 
 @dataclass(frozen=True)
-class Hand:
+class GuidingHand:
     """How a person guides the arm: a move of d metres takes about `seconds + seconds_per_m * d`."""
 
     seconds: float
@@ -60,8 +61,8 @@ class Hand:
 
 
 # At this pace the arm keeps its limits throughout the workspace (`structlearn check pick`)
-BRISK = Hand(1.0, 2.0, 0.08, 0.08, 0.3)
-SLOW = Hand(2.0, 4.0, 0.04, 0.04, 1.0)
+BRISK = GuidingHand(1.0, 2.0, 0.08, 0.08, 0.3)
+SLOW = GuidingHand(2.0, 4.0, 0.04, 0.04, 1.0)
 
 # Pace
 SKEW, WAVES = 0.5, 0.15  # std of the pace's exponents: early or late, alternately faster and slower
@@ -112,7 +113,7 @@ def takes(
     twitch: bool = False,
     hesitation: bool = False,
     without: Mapping[str, str] | None = None,
-    hand: Hand = BRISK,
+    hand: GuidingHand = BRISK,
 ) -> list[Take]:
     """Demonstrations of one person with 2, 3 or 5 moves (`MOVES`).
 
@@ -187,7 +188,7 @@ def _take(
     grasps: Sequence[tuple[int, int]],
     twitch: bool,
     hesitation: bool,
-    led_by: Hand,
+    led_by: GuidingHand,
     source: np.random.SeedSequence,
 ) -> Take:
     drawn, hand, capture, arm = source.spawn(4)
@@ -262,7 +263,7 @@ def _move(start: float, duration: float, hesitates: bool, rng: np.random.Generat
     pace = np.exp(skew * (s - 0.5) + waves * np.cos(4 * np.pi * s + angle))
     pace = pace * (1 - hesitates * depth * np.exp(-0.5 * ((s - centre) * duration / width) ** 2))
     phase = np.append(0.0, np.cumsum(0.5 * (pace[1:] + pace[:-1])))
-    return _Move(start, grid, minimum_jerk.progress(phase / phase[-1]))
+    return _Move(start, grid, minimum_jerk(phase / phase[-1]))
 
 
 def _bow(way: np.ndarray, rng: np.random.Generator) -> np.ndarray:

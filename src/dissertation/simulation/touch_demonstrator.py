@@ -26,8 +26,9 @@ from dissertation.simulation.touch import (
     touch,
     touching,
 )
-from structlearn.core import minimum_jerk, quaternion
+from structlearn.core import quaternion
 from structlearn.core.params import Parameters
+from structlearn.core.signals import minimum_jerk
 from structlearn.readers.demonstration import Recording, Stream
 from structlearn.tactile.electrodes import SKINS, Skin
 
@@ -208,7 +209,7 @@ def _contact(
     rest = [round(rate * rng.uniform(*person.rest_s)) for _ in range(2)]
     before, after = rest[0] + approach, approach + rest[1]
     total = before + press + slide + press + after
-    rising, pressing = (minimum_jerk.progress(np.arange(count) / count) for count in (approach, press))
+    rising, pressing = (minimum_jerk(np.arange(count) / count) for count in (approach, press))
     contact = np.zeros(2 * press + slide)
     away = np.concatenate([np.ones(rest[0]), 1 - rising, contact, rising, np.ones(rest[1])])
     pressed = np.concatenate([np.zeros(before), pressing, np.ones(slide), 1 - pressing, np.zeros(after)])

@@ -13,7 +13,7 @@ import numpy as np
 import pandas as pd
 from pydantic import Field
 
-from structlearn.avoidance.features import NAMES, features
+from structlearn.avoidance.features import NAMES, obstacle_features
 from structlearn.avoidance.shapes import Obstacle, check_cloud
 from structlearn.core.errors import InputError
 from structlearn.core.frames import local_frame
@@ -41,7 +41,8 @@ class AvoidanceDataParameters(Parameters):
 class AvoidanceDataset:
     """Samples of demonstrations in several scenarios."""
 
-    features: np.ndarray  # (S, 17) for one obstacle (`features`), or (S, F) for a scene (`look_ahead`)
+    # (S, 17) for one obstacle (`obstacle_features`), or (S, F) for a scene (`look_ahead`)
+    features: np.ndarray
     target: np.ndarray  # (S, 3) coupling term in the local frame
     phase: np.ndarray  # (S,) p
     phase_velocity: np.ndarray  # (S,) u
@@ -65,7 +66,7 @@ def fit_baseline(
     Raises InputError: the reach is too short to have a direction, or a demonstration too short to
     differentiate.
     """
-    primitive = fit_position([smooth_path(one, parameters) for one in demonstrations])
+    primitive = fit_position([smooth_path(demonstration, parameters) for demonstration in demonstrations])
     if primitive.frame == "world":
         length = np.linalg.norm(primitive.goal - primitive.start)
         raise InputError(f"the baseline's reach of {length:g} m is too short to have a direction")
@@ -113,7 +114,7 @@ def samples(
     kept = slice(None, None, parameters.keep_every)
     p, u = canonical.phase(path.time[kept], tau)
     local = to_local(cloud, baseline)
-    columns = features(path.position[kept], path.velocity[kept], tau, local, local.mean(axis=0))
+    columns = obstacle_features(path.position[kept], path.velocity[kept], tau, local, local.mean(axis=0))
     numbers = np.full(len(p), scenario), np.full(len(p), number)
     return AvoidanceDataset(columns, target[kept], p, u, *numbers, path.time[kept])
 
@@ -128,16 +129,16 @@ def avoidance_dataset(
     Raises InputError: as `samples`, or there are no demonstrations.
     """
     parts = [
-        samples(one, obstacle.cloud(parameters.cloud_count), baseline, parameters, place, number)
+        samples(demonstration, obstacle.cloud(parameters.cloud_count), baseline, parameters, place, number)
         for place, (obstacle, demonstrations) in enumerate(sets)
-        for number, one in enumerate(demonstrations)
+        for number, demonstration in enumerate(demonstrations)
     ]
     if not parts:
         raise InputError("there are no demonstrations past obstacles")
-    return concatenated(parts)
+    return concatenated_samples(parts)
 
 
-def concatenated(parts: Sequence[Samples]) -> Samples:
+def concatenated_samples(parts: Sequence[Samples]) -> Samples:
     """Concatenation of dataclasses of arrays (S, ...)."""
     names = vars(parts[0])
     return type(parts[0])(**{name: np.concatenate([vars(part)[name] for part in parts]) for name in names})
@@ -147,7 +148,7 @@ KEYS = ("scenario", "demonstration", "time", "phase", "phase_velocity")
 TARGETS = [f"target_{axis}" for axis in AXES]
 
 
-def to_table(dataset: AvoidanceDataset) -> pd.DataFrame:
+def avoidance_table(dataset: AvoidanceDataset) -> pd.DataFrame:
     """One row per sample: `KEYS` (the time as `time_s`), `TARGETS` and the named features."""
     columns = {name: getattr(dataset, name) for name in KEYS}
     columns |= dict(zip(TARGETS, dataset.target.T, strict=True))
@@ -155,7 +156,7 @@ def to_table(dataset: AvoidanceDataset) -> pd.DataFrame:
     return pd.DataFrame(columns).rename(columns={"time": "time_s"})
 
 
-def from_table(table: pd.DataFrame) -> AvoidanceDataset:
-    """Dataset from a table of `to_table`."""
+def avoidance_from_table(table: pd.DataFrame) -> AvoidanceDataset:
+    """Dataset from a table of `avoidance_table`."""
     keys = {name: table["time_s" if name == "time" else name].to_numpy() for name in KEYS}
     return AvoidanceDataset(table[list(NAMES)].to_numpy(float), table[TARGETS].to_numpy(float), **keys)

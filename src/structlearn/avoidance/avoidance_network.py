@@ -51,8 +51,8 @@ class AvoidanceNetworks:
         inputs = inputs[None] if len(self) == 1 else inputs[:, None]  # (M, samples of each, D)
         span = (self.input_high - self.input_low)[:, None]
         outputs = forward(self.layers, 2.0 * (inputs - self.input_low[:, None]) / span - 1.0)
-        found = self.output_mean[:, None] + self.output_scale[:, None] * outputs
-        return np.clip(found, self.output_low[:, None], self.output_high[:, None]).reshape(-1, 3)
+        coupling = self.output_mean[:, None] + self.output_scale[:, None] * outputs
+        return np.clip(coupling, self.output_low[:, None], self.output_high[:, None]).reshape(-1, 3)
 
     def take(self, index: np.ndarray | Sequence[int]) -> Self:
         """Networks of the given indices (K,), which may repeat."""

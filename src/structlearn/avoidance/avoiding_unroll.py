@@ -17,7 +17,7 @@ from functools import partial
 
 import numpy as np
 
-from structlearn.avoidance.features import CouplingModel, features
+from structlearn.avoidance.features import CouplingModel, obstacle_features
 from structlearn.avoidance.postprocessing import Deadline, GoalReach, PostprocessingParameters, post_processed
 from structlearn.avoidance.shapes import CloudBatch
 from structlearn.core.errors import InputError
@@ -59,7 +59,7 @@ class AvoidancePaths:
         return self.path.turned(np.swapaxes(self.frame, 1, 2)).shifted(self.start[:, None])
 
 
-def unroll(
+def unroll_avoiding(
     primitive: PositionPrimitive,
     model: CouplingModel,
     obstacles: Sequence[CloudBatch],
@@ -76,13 +76,13 @@ def unroll(
     Feedback begins at the second sample: at the first, the initial goal (eq. IV.12) would absorb it and
     return it with the opposite sign. `obstacles`: in the local frames; `dt`: s; `starts`, `goals` (B, 3) or
     (3,) m, base frame, and `duration` in s, default: the primitive's; `until_factor`: end of the path in
-    durations; `goal_change`: frame and forcing term remain those of the first goals. Raises InputError: no
+    durations; `goal_change`: frame and forcing term remain those of the first goals. Raises ValueError: no
     obstacle, batches of different sizes, a reach without a local frame, a goal change outside the movement,
     or a model that returns another shape or NaN.
     """
     sizes = {len(obstacle.points) for obstacle in obstacles}
     if len(sizes) != 1:
-        raise InputError(
+        raise ValueError(
             f"obstacles must come for one number of scenarios, are for {sorted(sizes) or 'none'}"
         )
     batch = sizes.pop()
@@ -173,10 +173,10 @@ class _Feedback:
         obstacle, (first_x, last_x) = self._obstacles[number], self._extent[number]
         moved = obstacle.displacement(float(self._time[k]))
         velocity = (moved - obstacle.displacement(float(self._time[k - 1]))) / self._dt
-        seen = features(x - moved, xd - velocity, self._tau, obstacle.points, obstacle.centre)
+        seen = obstacle_features(x - moved, xd - velocity, self._tau, obstacle.points, obstacle.centre)
         wanted = np.asarray(self._model(seen, self._phase[0][k], self._phase[1][k]))
         if wanted.shape != x.shape or not np.isfinite(wanted).all():
-            raise InputError(
+            raise ValueError(
                 f"the avoidance model returned {wanted.shape} at sample {k}, wanted are finite {x.shape}"
             )
         at, goal_x = x[:, 0] - moved[:, 0], goal[:, 0] - moved[:, 0]
@@ -205,5 +205,5 @@ def _change_sample(change: GoalChange, time: np.ndarray) -> int:
 
 def _joined(path: Trajectory, rest: Trajectory, time: np.ndarray) -> Trajectory:
     """Concatenate two segments (B, T_i, 3); the second begins with the last sample of the first."""
-    pieces = zip(*([one.position, one.velocity, one.acceleration] for one in (path, rest)), strict=True)
+    pieces = zip(*([part.position, part.velocity, part.acceleration] for part in (path, rest)), strict=True)
     return Trajectory(time, *(np.concatenate([first, then[:, 1:]], axis=1) for first, then in pieces))

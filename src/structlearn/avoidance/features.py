@@ -15,7 +15,6 @@ from collections.abc import Callable, Mapping
 import numpy as np
 
 from structlearn.core.compilation import numba
-from structlearn.core.errors import InputError
 
 TO_CENTRE, TO_POINTS, SCALED_VELOCITY = slice(0, 3), slice(3, 12), slice(12, 15)
 CENTRE_DISTANCE, APPROACH_COSINE = 15, 16
@@ -38,20 +37,20 @@ CouplingModel = Callable[[np.ndarray, np.ndarray, np.ndarray], np.ndarray]
 """Avoidance model: features (B, 17), phase (B,), phase velocity (B,) -> coupling terms (B, 3) in m."""
 
 
-def features(
+def obstacle_features(
     position: np.ndarray, velocity: np.ndarray, tau: float, cloud: np.ndarray, centre: np.ndarray
 ) -> np.ndarray:
     """Features (..., 17) of a batch of states; leading axes broadcast, so states may share one cloud.
 
     `position` (..., 3) m; `velocity` (..., 3) m/s; `tau`: time constant in s; `cloud` (..., P, 3) m, P >= 3;
     `centre` (..., 3) m. The cosine is -1 where it is undefined: at rest, or on the closest point. Raises
-    InputError: a wrong shape, fewer than three points, a tau that is not positive, NaN or infinity.
+    ValueError: a wrong shape, fewer than three points, a tau that is not positive, NaN or infinity.
     """
     given = {"position": position, "velocity": velocity, "centre": centre, "cloud": cloud}
     arrays = {name: np.asarray(array, dtype=float) for name, array in given.items()}
     batch = _batch_shape(arrays)
     if not 0.0 < tau < np.inf:
-        raise InputError(f"obstacle features: tau must be positive and finite, is {tau}")
+        raise ValueError(f"obstacle features: tau must be positive and finite, is {tau}")
     position, velocity, centre, cloud = arrays.values()
     values = np.empty((*batch, 17))
     with np.errstate(invalid="ignore"):  # values that are not finite are reported below
@@ -63,7 +62,7 @@ def features(
         values[..., APPROACH_COSINE] = _cosine(velocity, to_points[..., 0, :])
     if not np.isfinite(values).all():
         bad = [name for name, array in arrays.items() if not np.isfinite(array).all()]
-        raise InputError(f"obstacle features: not finite: {', '.join(bad) or 'too large numbers'}")
+        raise ValueError(f"obstacle features: not finite: {', '.join(bad) or 'too large numbers'}")
     return values
 
 
@@ -72,14 +71,14 @@ def displaced(features: np.ndarray, position: np.ndarray, scaled_velocity: np.nd
 
     The three closest points are assumed to stay the same.
     """
-    found = np.array(features, dtype=float)
-    found[..., TO_CENTRE] -= position
-    found[..., TO_POINTS] -= np.repeat(position, CLOSEST_POINTS, axis=-1)
-    found[..., SCALED_VELOCITY] += scaled_velocity
-    found[..., CENTRE_DISTANCE] = _norm(found[..., TO_CENTRE])
-    nearest = found[..., TO_POINTS][..., ::CLOSEST_POINTS]
-    found[..., APPROACH_COSINE] = _cosine(found[..., SCALED_VELOCITY], nearest)
-    return found
+    values = np.array(features, dtype=float)
+    values[..., TO_CENTRE] -= position
+    values[..., TO_POINTS] -= np.repeat(position, CLOSEST_POINTS, axis=-1)
+    values[..., SCALED_VELOCITY] += scaled_velocity
+    values[..., CENTRE_DISTANCE] = _norm(values[..., TO_CENTRE])
+    nearest = values[..., TO_POINTS][..., ::CLOSEST_POINTS]
+    values[..., APPROACH_COSINE] = _cosine(values[..., SCALED_VELOCITY], nearest)
+    return values
 
 
 def closest_distance(position: np.ndarray, cloud: np.ndarray) -> np.ndarray:
@@ -88,21 +87,21 @@ def closest_distance(position: np.ndarray, cloud: np.ndarray) -> np.ndarray:
 
 
 def _batch_shape(arrays: Mapping[str, np.ndarray]) -> tuple[int, ...]:
-    """Common leading axes of the arguments of `features`. Raises InputError: they do not broadcast."""
+    """Leading axes of the arguments of `obstacle_features`. Raises ValueError: they do not broadcast."""
     batches = []
     for name, array in arrays.items():
         form = "(..., P, 3)" if name == "cloud" else "(..., 3)"
         axes = form.count(",")
         if array.ndim < axes or array.shape[-1] != 3:
-            raise InputError(f"obstacle features: {name} must be {form}, is {array.shape}")
+            raise ValueError(f"obstacle features: {name} must be {form}, is {array.shape}")
         batches.append(array.shape[:-axes])
     if (points := arrays["cloud"].shape[-2]) < CLOSEST_POINTS:
-        raise InputError(f"obstacle features: {points} points in a cloud, at least 3 are needed")
+        raise ValueError(f"obstacle features: {points} points in a cloud, at least 3 are needed")
     try:
         return np.broadcast_shapes(*batches)
     except ValueError as error:
         shapes = [array.shape for array in arrays.values()]
-        raise InputError(f"obstacle features: batches do not fit together: {shapes}") from error
+        raise ValueError(f"obstacle features: batches do not fit together: {shapes}") from error
 
 
 def _norm(vectors: np.ndarray) -> np.ndarray:

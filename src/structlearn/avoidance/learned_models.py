@@ -64,8 +64,8 @@ def train_phase_modulated(
         for target in dataset.target.T
     ]
     fold = without_generalization(per_axis[0], parameters.chunk_samples, parameters.seed)
-    trained = pmnn.train([(one, fold) for one in per_axis], parameters, hidden)
-    return PhaseModulatedAvoidance(tuple(one.models["validation"] for one in trained))
+    trained = pmnn.train([(samples, fold) for samples in per_axis], parameters, hidden)
+    return PhaseModulatedAvoidance(tuple(result.models["validation"] for result in trained))
 
 
 def write_phase_modulated(models: Mapping[str, PhaseModulatedAvoidance], path: str | Path) -> None:
@@ -102,15 +102,15 @@ FORMATS: dict[str, tuple[Callable[..., dict[str, Any]], Callable[..., None]]] = 
 """Reader and writer of each kind of model."""
 
 
-def write_models(models: AvoidanceModels, folder: str | Path) -> None:
+def write_avoidance_models(models: AvoidanceModels, folder: str | Path) -> None:
     """Write one safetensors file per kind of model into a folder."""
     for kind, (_, write) in FORMATS.items():
         if kind != PHASE_MODULATED or models.get(kind):
             write(models.get(kind, {}), Path(folder, f"{kind}.safetensors"))
 
 
-def read_models(folder: str | Path) -> AvoidanceModels:
-    """Read models of `write_models`. Raises InputError: a file is missing or another file."""
+def read_avoidance_models(folder: str | Path) -> AvoidanceModels:
+    """Read models of `write_avoidance_models`. Raises InputError: a file is missing or another file."""
     files = {kind: Path(folder, f"{kind}.safetensors") for kind in FORMATS}
     wanted = [kind for kind, file in files.items() if kind != PHASE_MODULATED or file.exists()]
     return {kind: FORMATS[kind][0](files[kind]) for kind in wanted}

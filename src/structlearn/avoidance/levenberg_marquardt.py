@@ -176,7 +176,7 @@ def initial_layers(sizes: Sequence[int], rng: np.random.Generator) -> list[np.nd
     return layers
 
 
-def train(
+def levenberg_marquardt(
     layers: Layers,
     samples: Samples,
     parameters: LevenbergMarquardtParameters,
@@ -208,10 +208,10 @@ def train(
         if parameters.rule == EVIDENCE and iterations >= SETTLING_STEPS:
             prior = prior.reestimated(products, weights, error, samples.target.size)
         if validation is not None:
-            found = squared_error(_layers(weights, shapes), validation) / validation.target.size
-            failures = 0 if found < best_error else failures + 1
+            held_out = squared_error(_layers(weights, shapes), validation) / validation.target.size
+            failures = 0 if held_out < best_error else failures + 1
             if failures == 0:
-                best, best_error = weights, found
+                best, best_error = weights, held_out
     return tuple(_layers(weights if validation is None else best, shapes))
 
 
@@ -257,10 +257,10 @@ def _accepted_step(
         except LinAlgError:
             damping *= DAMPING_FACTOR
             continue
-        found = weights - cho_solve(factor, right, check_finite=False)
-        error = squared_error(_layers(found, shapes), samples)
-        if prior.objective(found, error) < objective:
-            return found, error, max(damping / DAMPING_FACTOR, SMALLEST_DAMPING)
+        proposal = weights - cho_solve(factor, right, check_finite=False)
+        error = squared_error(_layers(proposal, shapes), samples)
+        if prior.objective(proposal, error) < objective:
+            return proposal, error, max(damping / DAMPING_FACTOR, SMALLEST_DAMPING)
         damping *= DAMPING_FACTOR
     return None
 

@@ -20,7 +20,6 @@ from pydantic import Field
 from structlearn.avoidance.features import MIRROR
 from structlearn.avoidance.shapes import Obstacle
 from structlearn.core.compilation import numba
-from structlearn.core.errors import InputError
 from structlearn.core.params import Parameters
 
 CELL_M = 0.01  # of the grid: a clearance is several cells wide
@@ -50,15 +49,15 @@ class CostToGo:
     cost: np.ndarray  # (X, Y) cost-to-go at the cells' centres, in m of free path
     direction: np.ndarray  # (X, Y, 2) unit vectors of steepest descent, 0 at the goal
 
-    def ways(self, points: np.ndarray, ahead: Sequence[float] | np.ndarray) -> np.ndarray:
+    def paths(self, points: np.ndarray, ahead: Sequence[float] | np.ndarray) -> np.ndarray:
         """Points (N, L, 2) m on the cheapest paths from points (N, 2), at rising distances `ahead` (L,) m.
 
         A path ends at the goal; outside the grid, values are those at its edge.
         """
-        found = np.empty((len(points), len(ahead), 2))
+        values = np.empty((len(points), len(ahead), 2))
         grid = (self.origin, self.cell, self.goal, self.direction)
-        _follow(*grid, np.asarray(points, dtype=float), np.asarray(ahead, dtype=float), found)
-        return found
+        _follow(*grid, np.asarray(points, dtype=float), np.asarray(ahead, dtype=float), values)
+        return values
 
     def at(self, points: np.ndarray) -> np.ndarray:
         """Cost-to-go (N,) at points (N, 2), by bilinear interpolation."""
@@ -70,16 +69,16 @@ class CostToGo:
         return (1.0 - u) * low + u * high
 
 
-def cost_to_go(
+def scene_cost_to_go(
     shapes: Sequence[Obstacle], start: np.ndarray, goal: np.ndarray, parameters: LookAheadParameters
 ) -> CostToGo:
     """Cost-to-go past all shapes in the horizontal plane halfway up the reach, base frame.
 
-    The grid covers `start` and `goal`, (3,) m. Raises InputError: one of them is not finite.
+    The grid covers `start` and `goal`, (3,) m. Raises ValueError: one of them is not finite.
     """
     ends = np.array([start, goal], dtype=float)
     if not np.isfinite(ends).all():
-        raise InputError(f"start and goal of a look-ahead must be finite, are {ends.tolist()}")
+        raise ValueError(f"start and goal of a look-ahead must be finite, are {ends.tolist()}")
     corners = [
         shape.centre + side * np.abs(shape.rotation) @ shape.half_size for shape in shapes for side in (-1, 1)
     ]
@@ -123,7 +122,7 @@ def scene_features(
     the hand.
     """
     here = (position @ frame.T + start)[:, :2]
-    relative = scene.ways(here, AHEAD_M) - here[:, None]  # horizontal: no z in the base frame
+    relative = scene.paths(here, AHEAD_M) - here[:, None]  # horizontal: no z in the base frame
     led = (relative @ frame[:2])[..., :2].reshape(len(position), -1)
     excess = scene.at(here) - np.linalg.norm(scene.goal - here, axis=1)
     return np.column_stack([led, excess, goal - position, scaled_velocity, position[:, 1:]])
@@ -173,12 +172,12 @@ def _sweep(cost: np.ndarray, weight: np.ndarray, cell: float, sweeps: int, toler
                 if low == np.inf:
                     continue
                 if high - low >= step:
-                    found = low + step
+                    value = low + step
                 else:
-                    found = 0.5 * (low + high + np.sqrt(2.0 * step**2 - (high - low) ** 2))
-                if found < cost[i, j]:
-                    gain = max(gain, cost[i, j] - found)
-                    cost[i, j] = found
+                    value = 0.5 * (low + high + np.sqrt(2.0 * step**2 - (high - low) ** 2))
+                if value < cost[i, j]:
+                    gain = max(gain, cost[i, j] - value)
+                    cost[i, j] = value
         if gain <= tolerance and sweep >= 4:
             return
 
@@ -191,7 +190,7 @@ def _follow(
     direction: np.ndarray,
     points: np.ndarray,
     ahead: np.ndarray,
-    found: np.ndarray,
+    values: np.ndarray,
 ) -> None:
     """Write the points (N, L, 2) at distances `ahead` along the steepest descent."""
     rows, columns = direction.shape[:2]
@@ -222,4 +221,4 @@ def _follow(
                     x += step * along / length
                     y += step * across / length
                 gone += step
-            found[n, k, 0], found[n, k, 1] = x, y
+            values[n, k, 0], values[n, k, 1] = x, y

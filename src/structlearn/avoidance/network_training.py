@@ -43,7 +43,7 @@ def seen_columns(inputs: str, features: int = 17) -> tuple[int, ...]:
     return (*range(features), *(features + column for column in COLUMNS[inputs]))
 
 
-class NetworkParameters(Parameters):
+class AvoidanceNetworkParameters(Parameters):
     """A feed-forward avoidance network. Fields: `params.yaml`, `obstacle_training.per_setting`."""
 
     hidden: tuple[PositiveInt, ...] = Field(min_length=1)
@@ -52,7 +52,7 @@ class NetworkParameters(Parameters):
     training: lm.LevenbergMarquardtParameters
 
 
-class EnsembleParameters(NetworkParameters):
+class EnsembleParameters(AvoidanceNetworkParameters):
     """A mean of networks trained on displaced demonstrations. Fields: `obstacle_training.ensemble`."""
 
     demonstrations: PositiveInt
@@ -85,20 +85,20 @@ def held_out_rows(dataset: AvoidanceDataset, parameters: SplitParameters) -> np.
 
 
 def fit_networks(
-    datasets: Sequence[AvoidanceDataset], parameters: NetworkParameters, description: str
+    datasets: Sequence[AvoidanceDataset], parameters: AvoidanceNetworkParameters, description: str
 ) -> AvoidanceNetworks:
     """Train one network per dataset, each the mean of its members, distributed over processes.
 
     Raises InputError: the target of an axis is constant, or there are too few samples.
     """
     work = [
-        (one, parameters, (place, member))
-        for place, one in enumerate(datasets)
+        (samples, parameters, (place, member))
+        for place, samples in enumerate(datasets)
         for member in range(parameters.members)
     ]
-    layers = parallel_map(trained, work, description)
+    layers = parallel_map(trained_member, work, description)
     members = np.array_split(np.arange(len(work)), len(datasets))
-    means = [avoidance_network.averaged([layers[index] for index in its]) for its in members]
+    means = [avoidance_network.averaged([layers[index] for index in indices]) for indices in members]
     return stacked(means, datasets, parameters)
 
 
@@ -116,12 +116,12 @@ def member_samples(
 
 
 def stacked(
-    layers: Sequence[Layers], datasets: Sequence[AvoidanceDataset], parameters: NetworkParameters
+    layers: Sequence[Layers], datasets: Sequence[AvoidanceDataset], parameters: AvoidanceNetworkParameters
 ) -> AvoidanceNetworks:
     """Stack of networks of `train_member`, or of their means, each with its training dataset."""
     columns = seen_columns(parameters.inputs, datasets[0].features.shape[1])
-    ranges = [avoidance_network.input_range(_inputs(one, columns)) for one in datasets]
-    targets = [one.target for one in datasets]
+    ranges = [avoidance_network.input_range(_inputs(samples, columns)) for samples in datasets]
+    targets = [samples.target for samples in datasets]
     return AvoidanceNetworks(
         columns=np.array(columns),
         input_low=np.array([low for low, _ in ranges]),
@@ -136,7 +136,7 @@ def stacked(
 
 def train_member(
     dataset: AvoidanceDataset,
-    parameters: NetworkParameters,
+    parameters: AvoidanceNetworkParameters,
     stream: Sequence[int],
     seen: AvoidanceDataset | None = None,
 ) -> tuple[np.ndarray, ...]:
@@ -159,10 +159,10 @@ def train_member(
         samples, validation = (lm.Samples(*(values[rows] for values in samples)) for rows in (~held, held))
     weights = np.random.default_rng([training.seed, *stream, lm.WEIGHTS])
     layers = lm.initial_layers((len(columns), *parameters.hidden, seen.target.shape[1]), weights)
-    return lm.train(layers, samples, training, validation)
+    return lm.levenberg_marquardt(layers, samples, training, validation)
 
 
-def trained(work: tuple[Any, ...]) -> tuple[np.ndarray, ...]:
+def trained_member(work: tuple[Any, ...]) -> tuple[np.ndarray, ...]:
     """`train_member`; an ensemble member learns from `member_samples` unless given other samples."""
     dataset, parameters, stream, *seen = work
     if isinstance(parameters, EnsembleParameters) and not seen:
@@ -184,11 +184,11 @@ def fit_errors(dataset: AvoidanceDataset, test: np.ndarray, model: CouplingModel
     """
     axis, rows = dominant_axis(dataset) if len(np.unique(dataset.scenario)) == 1 else None, []
     for part, chosen in (("train", ~test), ("test", test)):
-        its = dataset.where(chosen)
-        found = nmse(model(its.features, its.phase, its.phase_velocity), its.target)
-        errors = {f"nmse_{name}": value for name, value in zip(AXES, found, strict=True)}
-        dominant = found[AXES.index(axis)] if axis else np.nan
-        errors |= {"nmse": found.mean(), "dominant": axis or "", "nmse_dominant": dominant}
+        tested = dataset.where(chosen)
+        by_axis = nmse(model(tested.features, tested.phase, tested.phase_velocity), tested.target)
+        errors = {f"nmse_{name}": value for name, value in zip(AXES, by_axis, strict=True)}
+        dominant = by_axis[AXES.index(axis)] if axis else np.nan
+        errors |= {"nmse": by_axis.mean(), "dominant": axis or "", "nmse_dominant": dominant}
         rows.append({"part": part} | errors)
     return rows
 
@@ -203,9 +203,11 @@ def dominant_axis(dataset: AvoidanceDataset) -> str | None:
     fractions = np.linspace(0.0, 1.0, COURSE_SAMPLES)
     courses = []  # per demonstration the targets (COURSE_SAMPLES, 2) along y and z in normalised time
     for number in np.unique(dataset.demonstration):
-        its = dataset.where(dataset.demonstration == number)
-        time = its.time / its.time[-1]
-        courses.append(np.stack([np.interp(fractions, time, one) for one in its.target.T[1:]], axis=1))
+        samples = dataset.where(dataset.demonstration == number)
+        time = samples.time / samples.time[-1]
+        courses.append(
+            np.stack([np.interp(fractions, time, column) for column in samples.target.T[1:]], axis=1)
+        )
     mean = np.mean(courses, axis=0)
     size = np.sqrt(np.mean(mean**2, axis=0))
     noise = np.sqrt(np.mean((courses - mean) ** 2, axis=(0, 1)))

@@ -83,8 +83,8 @@ def fit_human_inspired(features: np.ndarray, target: np.ndarray) -> HumanInspire
         used = sizes > 0.0
         if not used.any() or size == 0.0:
             continue
-        found = pruning_regression(effects[:, axis, used] / sizes[used], target[:, axis] / size)
-        weights[axis, used] = found * size / sizes[used]
+        fitted = pruning_regression(effects[:, axis, used] / sizes[used], target[:, axis] / size)
+        weights[axis, used] = fitted * size / sizes[used]
     return HumanInspiredModels(weights[None])
 
 

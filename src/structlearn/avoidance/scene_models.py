@@ -14,17 +14,22 @@ from typing import Self
 
 import numpy as np
 
-from structlearn.avoidance.avoidance_dataset import AvoidanceDataset, concatenated
+from structlearn.avoidance.avoidance_dataset import AvoidanceDataset, concatenated_samples
 from structlearn.avoidance.avoidance_network import averaged
-from structlearn.avoidance.features import MIRROR, MIRROR_SIGNS, CouplingModel, features
+from structlearn.avoidance.features import MIRROR, MIRROR_SIGNS, CouplingModel, obstacle_features
 from structlearn.avoidance.levenberg_marquardt import SEEN
-from structlearn.avoidance.look_ahead import CostToGo, cost_to_go, mirror_signs, scene_features
-from structlearn.avoidance.network_training import EnsembleParameters, NetworkParameters, stacked, trained
+from structlearn.avoidance.look_ahead import CostToGo, mirror_signs, scene_cost_to_go, scene_features
+from structlearn.avoidance.network_training import (
+    AvoidanceNetworkParameters,
+    EnsembleParameters,
+    stacked,
+    trained_member,
+)
 from structlearn.avoidance.postprocessing import Deadline, GoalReach, post_processed
 from structlearn.avoidance.rai_2014 import fit_human_inspired
 from structlearn.avoidance.scene_reaches import SceneLearningParameters, SceneReach
-from structlearn.core.minimum_jerk import progress
 from structlearn.core.parallel import parallel_map
+from structlearn.core.signals import minimum_jerk
 from structlearn.feedback.coupling import position_target
 from structlearn.primitives import canonical, transformation
 from structlearn.primitives.position import fit_position
@@ -53,7 +58,7 @@ class Scenes:
     frame: np.ndarray  # (B, 3, 3) local to base
     goal: np.ndarray  # (B, 3) m, local frame
     clouds: np.ndarray  # (B, O, P, 3) m, local frame, surface points; scenes with fewer obstacles repeat one
-    ways: Sequence[CostToGo]  # one per scene
+    costs_to_go: Sequence[CostToGo]  # one per scene
 
     def __len__(self) -> int:
         return len(self.start)
@@ -61,12 +66,12 @@ class Scenes:
     def take(self, places: Sequence[int]) -> Self:
         """Scenes of the given indices, which may repeat."""
         arrays = (self.start[places], self.frame[places], self.goal[places], self.clouds[places])
-        return type(self)(*arrays, [self.ways[place] for place in places])
+        return type(self)(*arrays, [self.costs_to_go[place] for place in places])
 
     def features(self, scene: int, position: np.ndarray, scaled_velocity: np.ndarray) -> np.ndarray:
         """`look_ahead.scene_features` of states (N, 3), (N, 3) in one of the scenes."""
         place = (self.start[scene], self.frame[scene], self.goal[scene])
-        return scene_features(self.ways[scene], position, scaled_velocity, *place)
+        return scene_features(self.costs_to_go[scene], position, scaled_velocity, *place)
 
 
 @dataclass(frozen=True)
@@ -97,7 +102,7 @@ def scene_states(paths: Sequence[Trajectory], baseline: VectorPrimitive, keep_ev
         )
         for place, path in enumerate(paths)
     ]
-    return concatenated(parts)
+    return concatenated_samples(parts)
 
 
 def displaced_states(
@@ -115,7 +120,7 @@ def displaced_states(
         scaled_velocity=seen.scaled_velocity + faster,
         target=seen.target - RETURN_STIFFNESS * displacement,
     )
-    return concatenated([seen, beside])
+    return concatenated_samples([seen, beside])
 
 
 def samples_of_scene(states: SceneStates, scenes: Scenes) -> AvoidanceDataset:
@@ -126,7 +131,7 @@ def samples_of_scene(states: SceneStates, scenes: Scenes) -> AvoidanceDataset:
 def with_mirror_images(dataset: AvoidanceDataset, signs: np.ndarray) -> AvoidanceDataset:
     """Samples and their mirror images; `signs` (F,): `mirror_signs` or `MIRROR_SIGNS`."""
     image = replace(dataset, features=dataset.features * signs, target=dataset.target * MIRROR)
-    return concatenated([dataset, image])
+    return concatenated_samples([dataset, image])
 
 
 def samples_of_nearest(states: SceneStates, scenes: Scenes) -> AvoidanceDataset:
@@ -138,12 +143,12 @@ def _samples(states: SceneStates, see: Callable[..., np.ndarray]) -> AvoidanceDa
     """States with features from `see`: (scene, positions, tau v) -> features (N, F)."""
     order = np.argsort(states.scene, kind="stable")
     scenes, starts = np.unique(states.scene[order], return_index=True)
-    found = [
+    parts = [
         see(int(b), states.position[rows], states.scaled_velocity[rows])
         for b, rows in zip(scenes, np.split(order, starts[1:]), strict=True)
     ]
-    columns = np.empty((len(order), found[0].shape[1]))
-    columns[order] = np.concatenate(found)
+    columns = np.empty((len(order), parts[0].shape[1]))
+    columns[order] = np.concatenate(parts)
     p, u = canonical.phase(states.time, TAU)
     none = np.zeros(len(order), dtype=int)
     return AvoidanceDataset(columns, states.target, p, u, none, states.scene, states.time)
@@ -157,14 +162,14 @@ def nearest_seen(
     The clouds of one scene (1, O, P, 3) may serve all states.
     """
     clouds = np.broadcast_to(clouds, (len(position), *clouds.shape[1:]))
-    every = features(position[:, None], scaled_velocity[:, None], 1.0, clouds, clouds.mean(axis=2))
+    every = obstacle_features(position[:, None], scaled_velocity[:, None], 1.0, clouds, clouds.mean(axis=2))
     nearest = np.linalg.norm(every[..., [3, 6, 9]], axis=-1).argmin(axis=1)
     rows = np.arange(len(position))
     return every[rows, nearest], clouds[rows, nearest, :, 0]
 
 
 @dataclass(frozen=True)
-class Learned:
+class SceneModels:
     """Baseline and models learned from some people."""
 
     baseline: VectorPrimitive  # without obstacles, with duration 1
@@ -177,15 +182,15 @@ def reach_scenes(reaches: Sequence[SceneReach], parameters: SceneLearningParamet
     most, clouds = max(len(reach.obstacles) for reach in reaches), []
     for reach in reaches:
         filled = (*reach.obstacles, *[reach.obstacles[0]] * (most - len(reach.obstacles)))
-        surfaces = np.array([one.cloud(parameters.cloud_count) for one in filled])
+        surfaces = np.array([shape.cloud(parameters.cloud_count) for shape in filled])
         clouds.append((surfaces - reach.start) @ reach.frame)
     return Scenes(
         start=np.array([reach.start for reach in reaches]),
         frame=np.array([reach.frame for reach in reaches]),
         goal=np.array([reach.goal for reach in reaches]),
         clouds=np.array(clouds),
-        ways=[
-            cost_to_go([*reach.obstacles, *reach.walls], reach.start, goal, parameters.look_ahead)
+        costs_to_go=[
+            scene_cost_to_go([*reach.obstacles, *reach.walls], reach.start, goal, parameters.look_ahead)
             for reach, goal in zip(reaches, goals, strict=True)
         ],
     )
@@ -201,12 +206,12 @@ def straight_baseline(reaches: Sequence[SceneReach]) -> VectorPrimitive:
     return fit_position(straight, scaled=(True, False, False)).local
 
 
-def learn(
+def learn_scene_models(
     reaches: Sequence[SceneReach],
     scenes: Scenes,
     parts: Sequence[Sequence[int]],
     parameters: SceneLearningParameters,
-) -> list[Learned]:
+) -> list[SceneModels]:
     """Learn from each of several sets of reaches, given by indices; networks train over processes."""
     sets = [
         _training_sets([reaches[place] for place in places], scenes.take(places), number, parameters)
@@ -218,7 +223,7 @@ def learn(
         for network, whole, by_member in networks.values()
         for member, seen in enumerate(by_member)
     ]
-    layers = iter(parallel_map(trained, work, "networks of reaches through scenes"))
+    layers = iter(parallel_map(trained_member, work, "networks of reaches through scenes"))
     learned = []
     for baseline, nearest, networks in sets:
         models: dict[str, CouplingModel] = {
@@ -226,11 +231,11 @@ def learn(
         }
         for kind, (network, whole, by_member) in networks.items():
             models[kind] = stacked([averaged([next(layers) for _ in by_member])], [whole], network)
-        learned.append(Learned(baseline, models))
+        learned.append(SceneModels(baseline, models))
     return learned
 
 
-TrainingSets = tuple[NetworkParameters, AvoidanceDataset, Sequence[AvoidanceDataset]]
+TrainingSets = tuple[AvoidanceNetworkParameters, AvoidanceDataset, Sequence[AvoidanceDataset]]
 """Training parameters of a network, its training samples, and the samples that each member sees."""
 
 
@@ -239,14 +244,14 @@ def _training_sets(
 ) -> tuple[VectorPrimitive, AvoidanceDataset, dict[str, TrainingSets]]:
     """Baseline, samples with the published features, and training data by kind of network, of a set."""
     baseline = straight_baseline(reaches)
-    states = scene_states([one.path for one in reaches], baseline, parameters.keep_every)
+    states = scene_states([reach.path for reach in reaches], baseline, parameters.keep_every)
     ensemble = parameters.network
     displaced = [displaced_states(states, ensemble, (number, member)) for member in range(ensemble.members)]
-    nearest, *near = (samples_of_nearest(one, scenes) for one in (states, *displaced))
-    scene, *far = (samples_of_scene(one, scenes) for one in (states, *displaced))
+    nearest, *near = (samples_of_nearest(moved, scenes) for moved in (states, *displaced))
+    scene, *far = (samples_of_scene(moved, scenes) for moved in (states, *displaced))
     signs = mirror_signs()
-    every_near, *near = (with_mirror_images(one, MIRROR_SIGNS) for one in (nearest, *near))
-    every_far, *far = (with_mirror_images(one, signs) for one in (scene, *far))
+    every_near, *near = (with_mirror_images(samples, MIRROR_SIGNS) for samples in (nearest, *near))
+    every_far, *far = (with_mirror_images(samples, signs) for samples in (scene, *far))
     networks: dict[str, TrainingSets] = {
         PUBLISHED: (parameters.published_network, nearest, [nearest]),
         NEAREST: (ensemble, every_near, near),
@@ -256,7 +261,7 @@ def _training_sets(
 
 
 def reach_through(
-    learned: Learned, kind: str, scenes: Scenes, parameters: SceneLearningParameters
+    learned: SceneModels, kind: str, scenes: Scenes, parameters: SceneLearningParameters
 ) -> tuple[np.ndarray, np.ndarray]:
     """Paths (B, T, 3) m, base frame, of a model, `NONE` or `PLANNED`; distances (B,) m left to the goal."""
     samples = parameters.reaches.samples
@@ -276,9 +281,9 @@ def planned_path(scenes: Scenes, place: int, samples: int) -> np.ndarray:
     start = scenes.start[place]
     goal = start + scenes.frame[place] @ scenes.goal[place]
     ahead = np.arange(PLANNED_STEP_M, PLANNED_MOST_M, PLANNED_STEP_M)
-    path = np.vstack([start[:2], scenes.ways[place].ways(start[None, :2], ahead)[0]])
+    path = np.vstack([start[:2], scenes.costs_to_go[place].paths(start[None, :2], ahead)[0]])
     length = np.append(0.0, np.cumsum(np.linalg.norm(np.diff(path, axis=0), axis=1)))
-    share = progress(np.linspace(0.0, 1.0, samples))
+    share = minimum_jerk(np.linspace(0.0, 1.0, samples))
     x, y = (np.interp(share * length[-1], length, column) for column in path.T)
     return np.column_stack([x, y, start[2] + share * (goal[2] - start[2])])
 

@@ -12,7 +12,7 @@ import pandas as pd
 from pydantic import Field, PositiveInt
 
 from structlearn.avoidance.look_ahead import LookAheadParameters
-from structlearn.avoidance.network_training import EnsembleParameters, NetworkParameters
+from structlearn.avoidance.network_training import AvoidanceNetworkParameters, EnsembleParameters
 from structlearn.avoidance.shapes import Obstacle, recorded_obstacle
 from structlearn.core.errors import InputError
 from structlearn.core.frames import local_frame
@@ -46,7 +46,7 @@ class SceneLearningParameters(Parameters):
     cloud_count: int = Field(ge=6)
     look_ahead: LookAheadParameters
     network: EnsembleParameters
-    published_network: NetworkParameters
+    published_network: AvoidanceNetworkParameters
 
 
 @dataclass(frozen=True)
@@ -91,11 +91,11 @@ def reaches_past_obstacles(
     """
     reaches, left_out = [], []
     for run in runs:
-        found = _reach(run, parameters)
-        if isinstance(found, str):
-            left_out.append((run.name, run.provenance["person"], found))
+        reach = _reach(run, parameters)
+        if isinstance(reach, str):
+            left_out.append((run.name, run.provenance["person"], reach))
         else:
-            reaches.append(found)
+            reaches.append(reach)
     if left_out and not reaches and all(reason == OPEN for _, _, reason in left_out):
         raise InputError(
             f"{left_out[0][0]}: {OPEN}, nor have the others; name their topic, or put obstacles.csv beside "
@@ -108,9 +108,9 @@ def _reach(run: Demonstration, parameters: SceneLearningParameters) -> SceneReac
     """The reach of a run, or the reason why there is none."""
     if "person" not in run.provenance:
         raise InputError(f"{run.name}: its provenance does not say whose reach it is")
-    walls = tuple(recorded_obstacle(one) for one in run.shapes if one.name.startswith(parameters.walls))
+    walls = tuple(recorded_obstacle(shape) for shape in run.shapes if shape.name.startswith(parameters.walls))
     others = parameters.walls + parameters.ignored
-    obstacles = tuple(recorded_obstacle(one) for one in run.shapes if not one.name.startswith(others))
+    obstacles = tuple(recorded_obstacle(shape) for shape in run.shapes if not shape.name.startswith(others))
     if not obstacles:
         return OPEN
     cutting = parameters.reaches
@@ -141,7 +141,7 @@ def _reach(run: Demonstration, parameters: SceneLearningParameters) -> SceneReac
     factors = (smooth.position - start, duration * smooth.velocity, duration**2 * smooth.acceleration)
     signals = (signal[part] @ frame for signal in factors)
     # linear interpolation suffices: the signals are smooth over many samples
-    path = [np.stack([np.interp(grid, time, column) for column in one.T], axis=1) for one in signals]
+    path = [np.stack([np.interp(grid, time, column) for column in signal.T], axis=1) for signal in signals]
     trajectory = Trajectory(grid, *path)
     return SceneReach(
         run.name, run.provenance["person"], trajectory, start, frame, duration, obstacles, walls

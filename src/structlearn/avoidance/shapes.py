@@ -78,9 +78,9 @@ class Obstacle:
         return distance, normal @ self.rotation.T
 
     def cloud(self, count: int = CLOUD_COUNT) -> np.ndarray:
-        """Evenly spread points of the surface (count, 3) m, deterministic. Raises InputError: under six."""
+        """Evenly spread points of the surface (count, 3) m, deterministic. Raises ValueError: under six."""
         if count < 6:
-            raise InputError(f"{self.shape}: a surface needs at least 6 points, not {count}")
+            raise ValueError(f"{self.shape}: a surface needs at least 6 points, not {count}")
         points = _cube_cloud(self.half_size, count) if self.shape == "cube" else _spiral(self, count)
         return self.centre + points @ self.rotation.T
 
@@ -108,19 +108,19 @@ def recorded_obstacle(shape: NamedShape) -> Obstacle:
 
 
 def virtual_radius(cloud: np.ndarray) -> np.ndarray | float:
-    """Mean distance (...) m of a cloud's points (..., P, 3) from their mean. Raises InputError: empty."""
+    """Mean distance (...) m of a cloud's points (..., P, 3) from their mean. Raises ValueError: empty."""
     check_cloud(cloud)
     return np.linalg.norm(cloud - cloud.mean(axis=-2, keepdims=True), axis=-1).mean(axis=-1)
 
 
 def check_cloud(cloud: np.ndarray) -> None:
-    """Raise InputError unless a cloud is (..., P, 3) finite points with P >= 1."""
+    """Raise ValueError unless a cloud is (..., P, 3) finite points with P >= 1."""
     if np.ndim(cloud) < 2 or np.shape(cloud)[-1] != 3:
-        raise InputError(f"a cloud must be (..., points, 3), has the shape {np.shape(cloud)}")
+        raise ValueError(f"a cloud must be (..., points, 3), has the shape {np.shape(cloud)}")
     if np.shape(cloud)[-2] == 0:
-        raise InputError("an obstacle's cloud has no points")
+        raise ValueError("an obstacle's cloud has no points")
     if not np.isfinite(cloud).all():
-        raise InputError("an obstacle's cloud has points that are not finite")
+        raise ValueError("an obstacle's cloud has points that are not finite")
 
 
 def ringed_sphere(centre: np.ndarray, radius: float) -> np.ndarray:
@@ -226,7 +226,7 @@ class CloudBatch:
             return np.zeros_like(self.centre)
         moved = np.asarray(self.motion(time), dtype=float)
         if not np.isfinite(moved).all():
-            raise InputError(f"an obstacle's displacement at {time:g} s is not finite")
+            raise ValueError(f"an obstacle's displacement at {time:g} s is not finite")
         return np.broadcast_to(moved, self.centre.shape)
 
     def path(self, times: np.ndarray) -> np.ndarray:
@@ -243,18 +243,18 @@ def cloud_batch(
     """Clouds of B scenarios from points (B, P, 3) m, at rest by default.
 
     `centre` (B, 3) m, default: the mean point; `radius` (B,) or scalar, m, default: the mean distance of the
-    points from their mean. Raises InputError: an impossible shape, value or radius.
+    points from their mean. Raises ValueError: an impossible shape, value or radius.
     """
     points = np.asarray(points, dtype=float)
     check_cloud(points)
     if points.ndim != 3:
-        raise InputError(f"clouds of a batch must be (scenarios, points, 3), have the shape {points.shape}")
+        raise ValueError(f"clouds of a batch must be (scenarios, points, 3), have the shape {points.shape}")
     radius = np.broadcast_to(virtual_radius(points) if radius is None else radius, len(points)).astype(float)
     if not (radius > 0.0).all():
-        raise InputError("an obstacle has no extent: its virtual radius must be positive")
+        raise ValueError("an obstacle has no extent: its virtual radius must be positive")
     centre = points.mean(axis=1) if centre is None else np.asarray(centre, dtype=float)
     if centre.shape != (len(points), 3) or not np.isfinite(centre).all():
-        raise InputError(f"centres of {len(points)} obstacles must be finite ({len(points)}, 3)")
+        raise ValueError(f"centres of {len(points)} obstacles must be finite ({len(points)}, 3)")
     return CloudBatch(points, centre, radius, motion)
 
 

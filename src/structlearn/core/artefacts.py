@@ -19,7 +19,7 @@ from safetensors.numpy import load_file, save
 
 from structlearn.core.errors import InputError
 from structlearn.core.publication import publish as publish
-from structlearn.core.reading import require_file
+from structlearn.core.used_files import require_file
 
 if TYPE_CHECKING:
     import pandas as pd

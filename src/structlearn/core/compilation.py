@@ -7,6 +7,14 @@ recompiles everything (half a minute), a second clone nothing.
 
 The folders are in the user's cache; if that is not writable, beside the sources; else temporary. They are
 never where others may write, since cached code is executed.
+
+Numba compiles a caller anew for every function it is given. A controller learns only from a skill's file
+which networks it runs, so each network has a kernel, all with one signature, and tables hold their addresses:
+
+    address = PhaseModulatedNetwork.kernel.address                # of the function decorated with `kernel`
+    c = call(address, sizes, values, row, deviations, memory)     # in any compiled function
+
+An address is valid in its process only.
 """
 
 import atexit
@@ -23,8 +31,12 @@ from typing import Any
 
 import numba as numba
 import numpy as np
+from llvmlite import ir
+from numba import types
 from numba.core.caching import UserProvidedCacheLocator
+from numba.core.errors import TypingError
 from numba.core.event import Event, Listener, register
+from numba.extending import intrinsic
 
 _CONFIG: Any = numba.config  # attributes are set on import
 PACKAGE = Path(__file__).resolve().parents[1]
@@ -133,3 +145,42 @@ compile than a function with many arrays."""
 def cross(a: np.ndarray | tuple[Any, ...], b: np.ndarray | tuple[Any, ...]) -> tuple[Any, ...]:
     """Cross product of two 3-vectors, faster than a call of linear algebra."""
     return a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]
+
+
+_NUMBERS = types.float64[::1]
+
+kernel = numba.cfunc(types.float64(types.int64[::1], *4 * [_NUMBERS]), cache=True)
+"""Compile the forward pass of a network at one sample: (sizes, values, row, deviations, memory) -> c.
+
+All arguments are contiguous arrays. `sizes`, `values` and `memory` may be longer than the network needs, as
+tables are padded. The memory is 0 when a movement begins, and persists from sample to sample.
+"""
+
+
+@intrinsic
+def _call(
+    context: Any, address: Any, sizes: Any, values: Any, row: Any, deviations: Any, memory: Any
+) -> tuple[Any, Any]:
+    arrays = (sizes, values, row, deviations, memory)
+    if not all(isinstance(kind, types.Array) and kind.ndim == 1 and kind.layout == "C" for kind in arrays):
+        raise TypingError(f"a kernel takes contiguous arrays, not {arrays}")
+
+    def generate(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
+        kinds = [context.get_value_type(kind) for kind in signature.args[1:]]
+        function = ir.FunctionType(ir.DoubleType(), kinds).as_pointer()
+        return builder.call(builder.inttoptr(arguments[0], function), arguments[1:])
+
+    return types.float64(types.int64, *arrays), generate
+
+
+@numba.njit(cache=True, forceinline=True)
+def call(
+    address: int,
+    sizes: np.ndarray,
+    values: np.ndarray,
+    row: np.ndarray,
+    deviations: np.ndarray,
+    memory: np.ndarray,
+) -> float:
+    """Call a kernel from compiled code; see `kernel`."""
+    return _call(address, sizes, values, row, deviations, memory)  # type: ignore[call-arg]  # numba adds one

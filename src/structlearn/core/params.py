@@ -26,8 +26,7 @@ from pydantic import (
 )
 
 from structlearn.core.errors import InputError
-from structlearn.core.reading import require_regular
-from structlearn.core.used_files import remember, remember_value
+from structlearn.core.used_files import remember, remember_value, require_regular
 
 
 class Parameters(BaseModel):

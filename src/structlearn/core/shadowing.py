@@ -43,7 +43,9 @@ def require_own_packages() -> None:
         raise InputError(_message(name, folder))
 
 
-def report(kind: type[BaseException], error: BaseException, trace: TracebackType | None) -> None:
+def report_hidden_import(
+    kind: type[BaseException], error: BaseException, trace: TracebackType | None
+) -> None:
     """Report an import that failed in a package hidden by PYTHONPATH in one line: a `sys.excepthook`."""
     if isinstance(error, ImportError):
         files = [frame.f_code.co_filename for frame, _ in traceback.walk_tb(trace)]

@@ -1,8 +1,11 @@
-"""Signals on a uniform clock: filters, derivatives, time normalisation."""
+"""Signals on a uniform clock: filters, derivatives, time normalisation; the minimum-jerk profile."""
 
 from functools import cache
+from typing import TypeVar
 
 import numpy as np
+
+Fraction = TypeVar("Fraction", float, np.ndarray)
 
 BUTTERWORTH_ORDER = 2  # run forwards and backwards, so the effective order is doubled
 
@@ -54,3 +57,13 @@ def _sections(cutoff: float) -> np.ndarray:
     from scipy.signal import butter
 
     return butter(BUTTERWORTH_ORDER, cutoff, output="sos")
+
+
+def minimum_jerk(s: Fraction) -> Fraction:
+    """Fraction of the path at a fraction s of the duration, both in [0, 1] (Flash & Hogan 1985)."""
+    return s**3 * (10.0 - 15.0 * s + 6.0 * s**2)
+
+
+def minimum_jerk_rate(s: Fraction) -> Fraction:
+    """Derivative of `minimum_jerk` by s."""
+    return 30.0 * s**2 * (1.0 - s) ** 2

@@ -134,7 +134,7 @@ def record(command: str, taken: StageTime, path: Path = TIMES) -> None:
 def read_times(path: Path = TIMES) -> dict[str, StageTime]:
     """Times by command, without `python`; empty if the file is missing or damaged."""
     try:
-        return {name: StageTime(*map(float, its)) for name, its in json.loads(path.read_text()).items()}
+        return {name: StageTime(*map(float, spent)) for name, spent in json.loads(path.read_text()).items()}
     except (OSError, ValueError, TypeError, AttributeError):
         return {}
 
@@ -143,10 +143,10 @@ def main() -> None:
     """Print the times of all stages in falling order, and their sum."""
     times = sorted(read_times().items(), key=lambda entry: -entry[1].wall_s)
     print("  wall s    CPU s  stage, when it ran last")
-    for command, its in times:
-        print(f"{its.wall_s:8.1f} {its.cpu_s:8.1f}  {command}")
+    for command, spent in times:
+        print(f"{spent.wall_s:8.1f} {spent.cpu_s:8.1f}  {command}")
     if times:
-        wall_s, cpu_s = (sum(values) for values in zip(*(its for _, its in times), strict=True))
+        wall_s, cpu_s = (sum(values) for values in zip(*(spent for _, spent in times), strict=True))
         print(f"{wall_s:8.1f} {cpu_s:8.1f}  {len(times)} stages on {os.cpu_count()} cores")
 
 

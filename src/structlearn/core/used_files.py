@@ -1,4 +1,4 @@
-"""What a stage uses must not change while it runs: files, parameters and its own code.
+"""Files that are read: regular ones that fit into memory, which must not change while a stage runs.
 
 DVC digests dependencies when a stage's command has ended. If one is edited meanwhile, DVC would record the
 new one with the result of the old one, and `dvc status` would call that result up to date. So readers
@@ -7,6 +7,7 @@ new one with the result of the old one, and `dvc status` would call that result 
 
 import hashlib
 import os
+import stat
 import sys
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
@@ -25,6 +26,13 @@ TICK_S = 0.02  # steps of the clocks; an interpreter starts no faster
 _MODIFIED = object()  # differs from every content
 
 State = tuple[int, int, int]
+
+
+LARGEST = 2**30
+"""Largest size in bytes of a file that is read as a whole, see also `Budget`."""
+
+PER_MESSAGE = 200
+"""Bytes of Python overhead per message."""
 
 
 @dataclass
@@ -170,3 +178,40 @@ def _loaded() -> Iterator[_Used]:
         parent = os.path.dirname(file)
         if parent in folders or os.path.dirname(parent) in folders:
             yield sources[file]
+
+
+def require_file(path: str | Path, whole: bool = True) -> None:
+    """As `require_regular`, for an input whose every byte counts: it may not change while the stage runs."""
+    require_regular(path, whole)
+    remember(path)
+
+
+def require_regular(path: str | Path, whole: bool = True) -> None:
+    """Raise InputError for pipes, devices and files too large to read `whole`; OSError if missing."""
+    state = Path(path).stat()
+    if not stat.S_ISREG(state.st_mode):
+        raise InputError(f"{path}: cannot be read: not a file")
+    if whole and state.st_size > LARGEST:
+        raise InputError(f"{path}: has {state.st_size} bytes, more than {LARGEST}")
+
+
+def digest(path: Path, kind: str = "sha256") -> str:
+    """Hexadecimal digest of a file of any size."""
+    with path.open("rb") as file:
+        return hashlib.file_digest(file, kind).hexdigest()
+
+
+class Budget:
+    """Limit on the bytes that one file unpacks to: a gigabyte plus twenty times its size."""
+
+    def __init__(self, path: Path) -> None:
+        self._path = path
+        self._total = self._left = LARGEST + 20 * path.stat().st_size
+
+    def take(self, count: int) -> None:
+        """Count unpacked bytes. Raises InputError: beyond the limit."""
+        self._left -= count
+        if self._left < 0:
+            raise InputError(
+                f"{self._path}: it unpacks to more than {self._total} bytes, which is allowed for its size"
+            )

@@ -9,8 +9,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from structlearn.core.compilation import numba
-from structlearn.core.compiled_calls import call
+from structlearn.core.compilation import call, numba
 from structlearn.primitives import orientation, transformation
 from structlearn.primitives.vector import OFFSET_SAMPLES
 
@@ -128,7 +127,7 @@ def begin(plan_arrays: Arrays, state_arrays: Arrays, primitive: int) -> None:
         forcing = plan.orientation_forcing[row, d]
         remaining[d] = transformation.compiled_initial_goal(0.0, w, wd, tau, forcing)
     evolving_goal = orientation.turned(state.orientation[0, 0], remaining)
-    remaining[:] = orientation.difference(evolving_goal, plan.orientation_goal[primitive])
+    remaining[:] = orientation.compiled_difference(evolving_goal, plan.orientation_goal[primitive])
 
 
 @numba.njit(cache=True)

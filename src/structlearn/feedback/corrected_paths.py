@@ -118,7 +118,9 @@ def path_errors(
     return pd.concat(tables, ignore_index=True)
 
 
-def split(paths: CorrectedPaths, share: float, seed: int) -> tuple[CorrectedPaths, CorrectedPaths]:
+def split_demonstrations(
+    paths: CorrectedPaths, share: float, seed: int
+) -> tuple[CorrectedPaths, CorrectedPaths]:
     """Split into training and validation demonstrations, disjoint in demonstration numbers.
 
     `share`: of the numbers for validation, at least one. Raises InputError: there is only one number.

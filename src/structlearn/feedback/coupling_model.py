@@ -22,14 +22,13 @@ from typing import Any, ClassVar, NamedTuple, Self
 import numpy as np
 
 from structlearn.core.artefacts import holding, read_description, read_tensors, write_tensors
-from structlearn.core.compilation import numba
-from structlearn.core.compiled_calls import call
-from structlearn.core.compiled_calls import kernel as kernel  # for networks of one's own
+from structlearn.core.compilation import call, numba
+from structlearn.core.compilation import kernel as kernel  # for networks of one's own
 from structlearn.core.errors import InputError
 from structlearn.feedback import models
 from structlearn.networks.compiled_layers import Array, Layers
 from structlearn.primitives.kernels import KERNEL_COUNT
-from structlearn.primitives.primitive_files import part, prefixed
+from structlearn.primitives.primitive_files import prefixed, tensors_below
 
 
 class Compiled(NamedTuple):
@@ -47,7 +46,7 @@ class CouplingModel(ABC):
     c should be 0 where the phase velocity u is 0, so that a movement starts smoothly and ends at its goal.
     """
 
-    kernel: ClassVar[Any]  # compiled forward pass, decorated with `core.compiled_calls.kernel`
+    kernel: ClassVar[Any]  # compiled forward pass, decorated with `core.compilation.kernel`
 
     @property
     @abstractmethod
@@ -152,7 +151,8 @@ def read_networks(path: str | Path) -> dict[str, CouplingModel]:
     with holding(path, "feedback networks"):
         names = json.loads(read_description(path))["coupling_models"]
         networks = {
-            name: named_model(model).from_arrays(part(name, tensors)) for name, model in names.items()
+            name: named_model(model).from_arrays(tensors_below(name, tensors))
+            for name, model in names.items()
         }
         for name, network in networks.items():
             if error := network.validation_error():

@@ -18,15 +18,15 @@ from structlearn import __version__
 from structlearn.core.artefacts import holding, read_description, read_tensors, write_tensors
 from structlearn.core.errors import InputError
 from structlearn.core.params import checked
-from structlearn.core.reading import digest
+from structlearn.core.used_files import digest
 from structlearn.feedback.coupling import AXES, unit
 from structlearn.feedback.coupling_model import module_name, named_model
 from structlearn.feedback.skill import FadingParameters, Limits, ReactiveSkill, Workspace
 from structlearn.primitives.primitive_files import (
-    part,
     pose_primitives,
     prefixed,
     primitive_tensors,
+    tensors_below,
     vector_primitive,
     vector_tensors,
 )
@@ -103,18 +103,19 @@ def read_skill(path: str | Path) -> ReactiveSkill:
     with holding(path, "skill of this version"):
         _check(tensors, described)
         expected = {
-            name: vector_primitive(part(f"expected.{name}", tensors)) for name in described["expected"]
+            name: vector_primitive(tensors_below(f"expected.{name}", tensors))
+            for name in described["expected"]
         }
         networks = {
             name: {
-                axis: named_model(model).from_arrays(part(f"networks.{name}.{axis}", tensors))
+                axis: named_model(model).from_arrays(tensors_below(f"networks.{name}.{axis}", tensors))
                 for axis, model in by_axis.items()
             }
             for name, by_axis in described["networks"].items()
         }
         workspace = Workspace(*tensors["workspace"])
         skill = ReactiveSkill(
-            pose_primitives(described["primitives"], part("primitives", tensors)),
+            pose_primitives(described["primitives"], tensors_below("primitives", tensors)),
             expected,
             networks,
             checked(described["limits"], Limits, KIND, "limits"),
@@ -132,7 +133,7 @@ def read_provenance(path: str | Path) -> dict[str, Any]:
     return _described(path)["provenance"]
 
 
-def provenance(bags: Sequence[Path], parameters: Mapping[str, Any]) -> dict[str, Any]:
+def skill_provenance(bags: Sequence[Path], parameters: Mapping[str, Any]) -> dict[str, Any]:
     """Recordings, parameters and version that a skill was learned with.
 
     `bags`: files or folders of recordings, with all files below. `parameters`: all that were used, by stage.

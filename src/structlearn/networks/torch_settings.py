@@ -81,7 +81,7 @@ class Adam:
 
     def __init__(self, parameters: Sequence[Tensor], rate: float, decay: float = 0.999):
         self.parameters, self.rate, self.decay = list(parameters), rate, decay
-        self.means, self.squares = ([torch.zeros_like(its) for its in self.parameters] for _ in range(2))
+        self.means, self.squares = ([torch.zeros_like(part) for part in self.parameters] for _ in range(2))
         self.count = torch.zeros(())  # steps taken
 
     @torch.no_grad()
@@ -112,4 +112,4 @@ class Adam:
         """Keep only some models; (M,) mask."""
         for values in self.parameters:
             values.data = values.data[models]
-        self.means, self.squares = ([its[models] for its in kept] for kept in (self.means, self.squares))
+        self.means, self.squares = ([part[models] for part in kept] for kept in (self.means, self.squares))

@@ -134,7 +134,7 @@ Quaternion = tuple[float, float, float, float]
 
 
 @numba.njit(cache=True)
-def difference(target: np.ndarray | Quaternion, q: np.ndarray | Quaternion) -> Vector:
+def compiled_difference(target: np.ndarray | Quaternion, q: np.ndarray | Quaternion) -> Vector:
     """Rotation vector from q to the target along the shorter rotation; `quaternion.difference` compiled."""
     r, x, y, z = _product(target, (q[0], -q[1], -q[2], -q[3]))
     sine = np.sqrt(x * x + y * y + z * z)
@@ -178,7 +178,7 @@ def step_batch(
     following = min(k + 1, samples - 1)
     angle, rate, turn = matrix[0], matrix[1], np.empty(3)
     for b in range(batch):
-        error = difference(turned(goal[b], remaining[b]), q[b])
+        error = compiled_difference(turned(goal[b], remaining[b]), q[b])
         for d in range(3):
             f = forcing[b, k, d] + coupling[b, d]
             change = forcing[b, following, d] - forcing[b, k, d]

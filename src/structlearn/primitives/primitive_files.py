@@ -79,13 +79,19 @@ def pose_primitives(kinds: Sequence[PrimitiveKind], tensors: Tensors) -> list[Po
     primitives = []
     for kind in kinds:
         name, frame = kind["name"], kind["frame"]
-        position = part(f"{name}.position", tensors)
-        local, start, goal = vector_primitive(part("local", position)), position["start"], position["goal"]
+        position = tensors_below(f"{name}.position", tensors)
+        local, start, goal = (
+            vector_primitive(tensors_below("local", position)),
+            position["start"],
+            position["goal"],
+        )
         if {local.goal.shape, start.shape, goal.shape} != {(3,)}:
             raise InputError(f"'{name}': a position has three coordinates")
         if frame not in get_args(FrameKind):
             raise InputError(f"'{name}': there is no frame '{frame}'")
-        orientation = _orientation_primitive(kind["orientation"], part(f"{name}.orientation", tensors))
+        orientation = _orientation_primitive(
+            kind["orientation"], tensors_below(f"{name}.orientation", tensors)
+        )
         primitives.append(PosePrimitive(name, PositionPrimitive(local, frame, start, goal), orientation))
     return primitives
 
@@ -113,7 +119,7 @@ def prefixed(prefix: str, tensors: Tensors) -> Tensors:
     return {f"{prefix}.{name}": tensor for name, tensor in tensors.items()}
 
 
-def part(prefix: str, tensors: Tensors) -> Tensors:
+def tensors_below(prefix: str, tensors: Tensors) -> Tensors:
     """The arrays called `<prefix>.<name>`, keyed by name."""
     start = f"{prefix}."
     return {name.removeprefix(start): array for name, array in tensors.items() if name.startswith(start)}
@@ -123,7 +129,7 @@ def _orientation_primitive(form: str | None, tensors: Tensors) -> OrientationPri
     if form is None:
         return None
     if form == "twist_swing":
-        chart = vector_primitive(part("chart", tensors))
+        chart = vector_primitive(tensors_below("chart", tensors))
         return TwistSwingPrimitive(chart, tensors["axes"], tensors["start"], tensors["goal"])
     if form != "quaternion":
         raise InputError(f"there is no orientation of the form '{form}'")

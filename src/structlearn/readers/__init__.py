@@ -9,7 +9,7 @@ Pipelines call `read_demonstrations` (`bag_recording`), which takes these steps,
 | raw -> decoded messages | `decoded_messages` |
 | decoded messages -> streams | `messages`, `joint_streams`; `computed_pose` if none is published |
 | streams -> one clock | `clock` |
-| runs on it, as stages exchange them | `demonstration`; `joint_log` without poses |
+| runs on it, as stages exchange them | `demonstration`; without poses `joint_log`, `touch_log` |
 
 `lerobot` and the public sets' readers start from `foreign_tables` instead and end in the same streams. The
 public names are in the stub beside this file; their modules load on first use.

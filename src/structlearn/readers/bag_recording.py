@@ -8,7 +8,7 @@ from typing import Literal
 import numpy as np
 
 from structlearn.core.errors import InputError
-from structlearn.core.reading import require_file
+from structlearn.core.used_files import require_file
 from structlearn.readers.clock import MAX_GAP_S, check_recording, synchronise
 from structlearn.readers.computed_pose import joint_pose, transform_pose
 from structlearn.readers.decoded_messages import short_name

@@ -20,7 +20,7 @@ import numpy as np
 from structlearn.core import quaternion
 from structlearn.core.errors import InputError
 from structlearn.core.params import home_path
-from structlearn.core.reading import require_file
+from structlearn.core.used_files import require_file
 from structlearn.readers.clock import NORM_TOLERANCE, in_order, linear, shared_stamps, slerp
 from structlearn.readers.decoded_messages import decoded
 from structlearn.readers.demonstration import Stream

@@ -14,7 +14,7 @@ import pyarrow
 import pyarrow.parquet
 
 from structlearn.core.errors import InputError, MissingInputError
-from structlearn.core.reading import LARGEST, Budget, digest, require_file
+from structlearn.core.used_files import LARGEST, Budget, digest, require_file
 
 T = TypeVar("T")
 LeftOut = dict[str, str] | None

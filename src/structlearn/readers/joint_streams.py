@@ -14,7 +14,7 @@ from structlearn.core.errors import InputError
 from structlearn.readers.clock import at_row, in_order
 from structlearn.readers.decoded_messages import Decoded, decoded
 from structlearn.readers.demonstration import JOINT_KINDS, Kind, Stream
-from structlearn.readers.messages import FIELDS, fields_named, sample_stamps, sequence, table
+from structlearn.readers.messages import FIELDS, fields_named, sample_stamps, sequence, table_of_numbers
 from structlearn.readers.raw_messages import RawMessages
 from structlearn.readers.source import StampPolicy
 
@@ -67,7 +67,7 @@ def joint_series(
             filled = np.zeros(len(stamps), dtype=bool)
             for group, columns in zip(groups, fields, strict=True):
                 filled[group.rows] = len(columns) > 0
-            tables[kind] = table(where, stamps, groups, fields, orders, joints, kind), filled
+            tables[kind] = table_of_numbers(where, stamps, groups, fields, orders, joints, kind), filled
     several = len(set(map(frozenset, orders))) > 1
     series, notes = [], []
     for publisher, names, rows in _clocks(groups, orders, joints):

@@ -92,7 +92,7 @@ def to_stream(
     with fields_named(where):
         stamps = sample_stamps(messages, () if short in WITHOUT_HEADER else groups, policy)
         fields = [numbers(group.message, *READERS[role][short]) for group in groups]
-    values = table(where, stamps, groups, fields)
+    values = table_of_numbers(where, stamps, groups, fields)
     if values.shape[1] == 0:
         raise InputError(f"{where}: messages have no values")
     if role == "pose":
@@ -147,7 +147,7 @@ def sequence(field: Any) -> list:
     return list(np.moveaxis(field, 1, 0) if isinstance(field, np.ndarray) else field)
 
 
-def table(
+def table_of_numbers(
     where: str,
     stamps: np.ndarray,
     groups: Sequence[Decoded],

@@ -27,7 +27,7 @@ from mcap.well_known import MessageEncoding, Profile, SchemaEncoding
 from mcap.writer import MCAP0_MAGIC, Writer
 
 from structlearn.core.errors import InputError
-from structlearn.core.reading import PER_MESSAGE, Budget, require_file
+from structlearn.core.used_files import PER_MESSAGE, Budget, require_file
 from structlearn.readers.source_files import COMPRESSED, RecordingFile
 
 METADATA_RECORD = "structlearn"  # name of the metadata record of our own files

@@ -66,7 +66,7 @@ def draw_cuts(panel: Axes, cuts: Sequence[tuple[float, float]], demonstration: D
             panel.axvline(cut, color=BLACK, linewidth=width, linestyle=line)
 
 
-def fit_panel(
+def reproduction_panel(
     name: str, place: int, demonstrated: Sequence[np.ndarray], unrolled: np.ndarray, labels: Sequence[str]
 ) -> Figure:
     """Demonstrated and unrolled curves of one primitive over normalised time, one row per axis."""

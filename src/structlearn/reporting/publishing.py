@@ -28,8 +28,8 @@ def publish_report(
 
     Raises ValueError: there are more than `HEADLINES` headlines.
     """
-    found = find.table()
-    if (marked := int((found["headline"] & found["value"].notna()).sum())) > HEADLINES:
+    findings = find.table()
+    if (marked := int((findings["headline"] & findings["value"].notna()).sum())) > HEADLINES:
         raise ValueError(f"{marked} headlines are more than {HEADLINES}")
     folder = Path(folder)
     with publish(folder / "figures") as target:
@@ -39,8 +39,8 @@ def publish_report(
         target.mkdir()
         for name, table in tables.items():
             write_csv(table.frame, target / f"{name}.csv")
-    write_csv(found, folder / "findings.csv")
-    headlines_found = values_by_key(found[found["headline"]])
+    write_csv(findings, folder / "findings.csv")
+    headlines_found = values_by_key(findings[findings["headline"]])
     write_metrics({**headlines_found, **(metrics or {})}, folder / "metrics.json")
     for name, page in pages.items():
         with publish(folder / f"{name}.html") as target:
@@ -52,12 +52,12 @@ def _figures(drawings: Mapping[str, Drawing | Sequence[Drawing]], folder: Path) 
     files: dict[str, list[tuple[str, Drawing]]] = {
         name: [(name, drawing)]
         if isinstance(drawing, Drawing)
-        else [(f"{name}-{number}", one) for number, one in enumerate(drawing, 1)]
+        else [(f"{name}-{number}", part) for number, part in enumerate(drawing, 1)]
         for name, drawing in drawings.items()
     }
-    parts = [part for its in files.values() for part in its]
+    parts = [part for figure in files.values() for part in figure]
     panels = iter(parallel_map(partial(_saved, folder=folder), parts, "figures", local=True))
-    return {name: [next(panels) for _ in its] for name, its in files.items()}
+    return {name: [next(panels) for _ in figure] for name, figure in files.items()}
 
 
 def _saved(part: tuple[str, Drawing], folder: Path) -> Panel:

@@ -4,7 +4,7 @@ from .dynamics_models import (
     read_dynamics_models as read_dynamics_models,
     write_dynamics_models as write_dynamics_models,
 )
-from .identification import fit_structure as fit_structure, least_squares as least_squares
+from .identification import fit_structure as fit_structure, unconstrained_minimiser as unconstrained_minimiser
 from .inertia_parameters import link_inertias as link_inertias, sample_parameters as sample_parameters
 from .arm_kinematics import Arm as Arm, Follower as Follower, follow as follow, read_arm as read_arm
 from .motion import Motion as Motion, measured_motion as measured_motion

@@ -119,20 +119,20 @@ def rest_for(
     """
     tree, rng = arm.tree, np.random.default_rng(seed)
     lower, upper = tree.ranges
-    half, best, found = 0.5 * (upper - lower), 0.0, None
+    half, best, start = 0.5 * (upper - lower), 0.0, None
     for _ in range(TRIALS):
         path = follow(arm, position, orientation, dt, rng.uniform(lower, upper))
         room = np.minimum(path.joints - tree.lower, tree.upper - path.joints) / half
         rated = min(room.min(), path.least_singular_value.min())
         if max(path.missed_m.max(), path.missed_rad.max()) < 1e-6 and rated > best:
-            best, found = rated, path.joints[0]
-    if found is None:
+            best, start = rated, path.joints[0]
+    if start is None:
         raise InputError(
             f"{arm.source}: no configuration within the joints' limits takes the tip from "
             f"{np.array2string(position[0], precision=3)} m along the path ({TRIALS} tried): is the base "
             "where the demonstrations have their origin?"
         )
-    return found
+    return start
 
 
 class Follower:
@@ -209,7 +209,7 @@ class LinkShapes:
     bare: tuple[str, ...]  # moving links without a shape
 
 
-def read_shapes(arm: Arm, locked: Sequence[str], rest: np.ndarray) -> LinkShapes:
+def read_collision_shapes(arm: Arm, locked: Sequence[str], rest: np.ndarray) -> LinkShapes:
     """Read an arm's collision shapes from its URDF, with the same joints locked; `rest` is (n,) rad or m.
 
     Meshes are searched for in `urdf.mesh_folders`.
@@ -270,22 +270,22 @@ def _distant_pairs(arm: Arm, shapes: pinocchio.GeometryModel) -> list[pinocchio.
     parents = list(arm.model.parents)
     moved = [shape.parentJoint for shape in shapes.geometryObjects]
     return [
-        pinocchio.CollisionPair(one, other)
-        for one in range(len(moved))
-        for other in range(one + 1, len(moved))
-        if moved[one] != moved[other]
-        and parents[moved[one]] != moved[other]
-        and parents[moved[other]] != moved[one]
+        pinocchio.CollisionPair(first, second)
+        for first in range(len(moved))
+        for second in range(first + 1, len(moved))
+        if moved[first] != moved[second]
+        and parents[moved[first]] != moved[second]
+        and parents[moved[second]] != moved[first]
     ]
 
 
 def _drop_touching(arm: Arm, shapes: pinocchio.GeometryModel, rest: np.ndarray) -> tuple[str, ...]:
     """Remove the pairs that touch at rest, and return their names."""
-    data, found = arm.model.createData(), pinocchio.GeometryData(shapes)
-    pinocchio.computeCollisions(arm.model, data, shapes, found, configuration(arm.model, rest), False)
+    data, geometry = arm.model.createData(), pinocchio.GeometryData(shapes)
+    pinocchio.computeCollisions(arm.model, data, shapes, geometry, configuration(arm.model, rest), False)
     touching = [
         pinocchio.CollisionPair(pair.first, pair.second)
-        for pair, result in zip(shapes.collisionPairs, found.collisionResults, strict=True)
+        for pair, result in zip(shapes.collisionPairs, geometry.collisionResults, strict=True)
         if result.isCollision()
     ]
     for pair in touching:

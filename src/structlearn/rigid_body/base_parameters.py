@@ -46,13 +46,13 @@ class BaseParameters:
         return [_formula(row, column, tree.names) for row, column in pairs]
 
 
-def base_parameters(tree: KinematicTree, seed: int = 0) -> BaseParameters:
+def base_parameters(tree: KinematicTree) -> BaseParameters:
     """Base parameters of a robot, from the rank of its regressor at random states within the limits.
 
     Columns are processed from base to tip. A column that depends on earlier ones is distributed among them,
-    so inertia of a link is added to the links that carry it. The result does not depend on the seed.
+    so inertia of a link is added to the links that carry it. The result does not depend on the states drawn.
     """
-    q, qd, qdd = _random_states(tree, np.random.default_rng(seed))
+    q, qd, qdd = _random_states(tree, np.random.default_rng(0))
     stacked = torque_regressor(tree, q, qd, qdd).reshape(q.size, -1)
     (triangle,) = qr(stacked, mode="r")  # the same linear dependencies in fewer rows
     columns = _independent(triangle[: stacked.shape[1]])
@@ -99,14 +99,14 @@ def fit_base(
     scale = np.sqrt(np.square(columns).sum(axis=(0, 1)))
     shows = scale > 0.0
     columns = columns / np.where(shows, scale, 1.0)
-    squares = np.array([np.tensordot(its, its, ((0, 1), (0, 1))) for its in blocks(columns, length)])
+    squares = np.array([np.tensordot(block, block, ((0, 1), (0, 1))) for block in blocks(columns, length)])
     products = block_sums(np.einsum("njp,nj->np", columns, torque), length)
     counts = np.vstack([np.ones(len(squares)), drawn_counts(len(squares), draws, seed)])
     inverse = np.linalg.pinv(np.tensordot(counts, squares, 1), rcond=_SINGULAR, hermitian=True)
-    found = np.einsum("dpq,dq->dp", inverse, counts @ products) / np.where(shows, scale, 1.0)
+    drawn = np.einsum("dpq,dq->dp", inverse, counts @ products) / np.where(shows, scale, 1.0)
     singular = np.linalg.svd(columns.reshape(-1, columns.shape[-1]), compute_uv=False)
     condition = singular[0] / singular[-1] if singular[-1] > 0.0 else np.inf
-    values, pieces = found[:, : len(base.columns)], len(squares) * motion.joints
+    values, pieces = drawn[:, : len(base.columns)], len(squares) * motion.joints
     free = max(1, pieces - columns.shape[-1])  # degrees of freedom of the residuals
     half = stdtrit(max(1, len(squares) - 1), 0.975) * np.sqrt(pieces / free) * values[1:].std(axis=0)
     return BaseFit(float(condition), values[0], values[0] - half, values[0] + half)

@@ -154,8 +154,8 @@ def compiled_model(models: DynamicsModels, model: int, tree: KinematicTree) -> I
     if isinstance(networks, StackedPerceptrons):
         kind, layers = PERCEPTRON, [_with_scales(networks, model)]
     else:
-        kind, layers = LAGRANGIAN, [its.layers_of(model) for its in (networks.inertia, networks.potential)]
-        rows, columns = (its.argmax(dim=1).numpy() for its in (networks.row, networks.column))
+        kind, layers = LAGRANGIAN, [part.layers_of(model) for part in (networks.inertia, networks.potential)]
+        rows, columns = (place.argmax(dim=1).numpy() for place in (networks.row, networks.column))
     inputs = [np.shape(own[0][0])[1] for own in layers]
     packed = pack([(np.zeros(n), np.ones(n), own) for n, own in zip(inputs, layers, strict=True)])
     memory = np.stack([layer_values(packed.sizes)] * len(layers))

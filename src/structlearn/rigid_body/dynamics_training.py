@@ -118,18 +118,18 @@ Learner = InertiaLearner | NetworkLearner
 
 
 @dataclass(frozen=True)
-class Learned:
+class TrainedModels:
     """Result of training M models."""
 
     state: dict[str, np.ndarray]  # each model's, when it reached the threshold or after the last epoch
     nmse: np.ndarray  # (E + 1, M, n) at the start and after each epoch; constant once a model has stopped
     epochs: np.ndarray  # (M,) epochs needed; 0 if the threshold was not reached
 
-    def part(self, model: int) -> "Learned":
+    def part(self, model: int) -> "TrainedModels":
         """One of the models."""
-        one = slice(model, model + 1)
-        state = {name: values if name in SHARED else values[one] for name, values in self.state.items()}
-        return Learned(state, self.nmse[:, one], self.epochs[one])
+        chosen = slice(model, model + 1)
+        state = {name: values if name in SHARED else values[chosen] for name, values in self.state.items()}
+        return TrainedModels(state, self.nmse[:, chosen], self.epochs[chosen])
 
 
 def loss_weights(loss: Loss, motion: Motion) -> np.ndarray:
@@ -167,7 +167,7 @@ def learn_annealed(models: NetworkLearner, epochs: int) -> None:
 
 def learn_in_epochs(
     models: Learner, threshold: float, epochs: int, stride: int = 1, futility: int | None = None
-) -> Learned:
+) -> TrainedModels:
     """Train in shuffled epochs until every joint of every model is good enough (III.4.1.1).
 
     A model stops after the first epoch with an NMSE of at most `threshold` on every joint, or when the
@@ -180,14 +180,14 @@ def learn_in_epochs(
     for epoch in shuffled_epochs(models, epochs):
         before = history[epoch - futility][learning] if futility and epoch >= futility else None
         ahead = (epochs - epoch) / (futility or 1)
-        found = models.nmse(stride)
-        if epoch == epochs or _stopping(found, before, ahead, threshold).any():
-            found = models.nmse()
-        done = _stopping(found, before, ahead, threshold) | (epoch == epochs)
+        nmse = models.nmse(stride)
+        if epoch == epochs or _stopping(nmse, before, ahead, threshold).any():
+            nmse = models.nmse()
+        done = _stopping(nmse, before, ahead, threshold) | (epoch == epochs)
         errors = errors.copy()
-        errors[learning] = found
+        errors[learning] = nmse
         history.append(errors)
-        needed[learning[_good(found, threshold)]] = epoch
+        needed[learning[_good(nmse, threshold)]] = epoch
         if done.any():
             for name, values in models.state().items():
                 if name not in SHARED:
@@ -196,7 +196,7 @@ def learn_in_epochs(
                 break
             models.keep(~done)
             learning = learning[~done]
-    return Learned(kept, np.array(history), needed)
+    return TrainedModels(kept, np.array(history), needed)
 
 
 def learn_online(models: Learner, stride: int = 1) -> np.ndarray:
@@ -212,7 +212,7 @@ def learn_online(models: Learner, stride: int = 1) -> np.ndarray:
     return np.array(history)
 
 
-def error_table(nmse: np.ndarray, step: str) -> pd.DataFrame:
+def epoch_errors(nmse: np.ndarray, step: str) -> pd.DataFrame:
     """Rows `seed`, `step`, `joint` (from 1) and `nmse` of errors (E, M, n)."""
     steps, seeds, joints = (places.ravel() for places in np.indices(nmse.shape))
     return pd.DataFrame({"seed": seeds, step: steps, "joint": joints + 1, "nmse": nmse.ravel()})

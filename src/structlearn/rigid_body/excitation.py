@@ -130,10 +130,10 @@ def log_determinant(information: np.ndarray) -> np.ndarray:
 
 def design(problem: DesignProblem, starts: int, iterations: int, seed: int) -> list[np.ndarray]:
     """Free parameters of local optima from random starts, sorted from most to least informative."""
-    found = parallel_map(
+    optimised = parallel_map(
         partial(_improved, problem, iterations), random_series(problem, starts, seed), "excitation"
     )
-    return [free for _, free in sorted(found, key=lambda item: item[0])]
+    return [free for _, free in sorted(optimised, key=lambda item: item[0])]
 
 
 def random_series(problem: DesignProblem, count: int, seed: int) -> np.ndarray:
@@ -143,7 +143,7 @@ def random_series(problem: DesignProblem, count: int, seed: int) -> np.ndarray:
     return free
 
 
-def written(problem: DesignProblem, free: np.ndarray, rate_hz: float) -> tuple[np.ndarray, Motion]:
+def limited_motion(problem: DesignProblem, free: np.ndarray, rate_hz: float) -> tuple[np.ndarray, Motion]:
     """Times (T,) s and motion of one period, slowed down until the URDF's torques are within the limits.
 
     Raises InputError: torques exceed the limits however slowly the arm moves.
@@ -155,7 +155,7 @@ def written(problem: DesignProblem, free: np.ndarray, rate_hz: float) -> tuple[n
         torque = torque_regressor(problem.tree, *states)[..., problem.base.columns] @ problem.theta
         if np.all(np.abs(torque) <= problem.share * problem.effort):
             return times, Motion(*states, torque)
-    raise InputError("the arm's torque limits are exceeded by problem own weight, however slowly it moves")
+    raise InputError("the arm's torque limits are exceeded by its own weight, however slowly it moves")
 
 
 def parameter_errors(

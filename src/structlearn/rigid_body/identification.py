@@ -59,7 +59,7 @@ def normalised_triangle(factors: TorqueFactors, limits: np.ndarray | None = None
     return triangular_factor(scaled.reshape(-1, scaled.shape[-1]))
 
 
-def least_squares(triangle: np.ndarray) -> np.ndarray:
+def unconstrained_minimiser(triangle: np.ndarray) -> np.ndarray:
     """Unconstrained minimiser (P,) of the sum of the joints' NMSEs; the smallest if not unique."""
     theta, *_ = np.linalg.lstsq(triangle[:, :-1], triangle[:, -1], rcond=SINGULAR)
     return theta
@@ -75,7 +75,7 @@ def fit_structure(
     friction: np.ndarray | None = None,
     prior: float = 0.0,
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Fit a structure's free parameters to the loss of `least_squares`, by L-BFGS.
+    """Fit a structure's free parameters to the loss of `unconstrained_minimiser`, by L-BFGS.
 
     A weak pull towards known inertias decides what the data leave undetermined. With a prior, `prior` times
     the links' mean `divergence` from the known inertias is added to the loss.
@@ -119,7 +119,7 @@ def fit_structure(
             slope[: len(reference)] += prior / len(apart) * change
         gradients = structure_gradient(place, *parts(values), squares, slope[None])
         value = error @ error + weight * (pull @ pull) + added
-        return value, np.concatenate([its.ravel() for its in gradients])
+        return value, np.concatenate([gradient.ravel() for gradient in gradients])
 
     options = {"maxiter": iterations, "maxfun": 2 * iterations, "maxcor": 50, "ftol": 1e-14, "gtol": 1e-10}
     first = np.concatenate([free.ravel(), friction.ravel()])
@@ -135,13 +135,14 @@ def divergence(theta: np.ndarray, known: np.ndarray) -> tuple[np.ndarray, np.nda
     consistent inertias. Both theta (10 n,) must be physically consistent. Returns (n,) per link, and the
     gradient (10 n,) of the sum.
     """
-    found, reference = (
-        its.reshape(-1, SYMMETRIC_COLUMNS) @ PSEUDO.reshape(SYMMETRIC_COLUMNS, 16) for its in (theta, known)
+    pseudo, reference = (
+        links.reshape(-1, SYMMETRIC_COLUMNS) @ PSEUDO.reshape(SYMMETRIC_COLUMNS, 16)
+        for links in (theta, known)
     )
-    found, inverse = found.reshape(-1, 4, 4), np.linalg.inv(reference.reshape(-1, 4, 4))
-    ratio = inverse @ found
+    pseudo, inverse = pseudo.reshape(-1, 4, 4), np.linalg.inv(reference.reshape(-1, 4, 4))
+    ratio = inverse @ pseudo
     apart = np.trace(ratio, axis1=1, axis2=2) - np.linalg.slogdet(ratio)[1] - 4.0
-    slope = np.einsum("nij,kij->nk", inverse - np.linalg.inv(found), PSEUDO)
+    slope = np.einsum("nij,kij->nk", inverse - np.linalg.inv(pseudo), PSEUDO)
     return apart, slope.ravel()
 
 
@@ -233,8 +234,8 @@ def fit_planar_arm(motion: Motion, iterations: int) -> tuple[KinematicTree, Dyna
         return normalised_triangle(MotionRegressor(tree, motion, True, ()).factors)
 
     def error(places: np.ndarray) -> float:
-        its = triangle(places)
-        return float(np.linalg.norm(its[:, :-1] @ least_squares(its) - its[:, -1]))
+        block = triangle(places)
+        return float(np.linalg.norm(block[:, :-1] @ unconstrained_minimiser(block) - block[:, -1]))
 
     start = np.tile([1.0, 0.0], joints - 1)
     places = minimize(error, start, method="Nelder-Mead", options={"xatol": 1e-9, "fatol": 1e-12}).x

@@ -71,7 +71,7 @@ def log_fitness(
     """
     rate_hz, cutoff_hz = clock_hz
     cutoff_hz = min(cutoff_hz, 0.5 * rate_hz)
-    steps = np.concatenate([np.diff(its) for its in stamps])
+    steps = np.concatenate([np.diff(log) for log in stamps])
     effort = np.where(robot.model.effortLimit > 0.0, robot.model.effortLimit, np.inf)
     delay, effect = torque_delays(robot, motion, rate_hz, friction)
     undetermined = parameter_percent(fit) > DETERMINED_PERCENT
@@ -85,9 +85,9 @@ def log_fitness(
         100.0 * float(undetermined.mean()),
     )
     rows = [
-        (question, joint if np.ndim(asked) else 0, value, _verdict(value, *bounds))
-        for (question, bounds), asked in zip(BOUNDS.items(), values, strict=True)
-        for joint, value in enumerate(np.atleast_1d(asked), start=1)
+        (question, joint if np.ndim(numbers) else 0, value, _verdict(value, *bounds))
+        for (question, bounds), numbers in zip(BOUNDS.items(), values, strict=True)
+        for joint, value in enumerate(np.atleast_1d(numbers), start=1)
     ]
     table = pd.DataFrame(rows, columns=["question", "joint", "value", "verdict"])
     table.loc[table["question"] == DELAY, "delay_ms"] = 1e3 * delay
@@ -97,9 +97,9 @@ def log_fitness(
 def fitness_lines(table: pd.DataFrame) -> list[str]:
     """Text, one line per question: the worst verdict, then the values of all joints."""
     lines = []
-    for question, its in table.groupby("question", sort=False):
-        worst = max(its["verdict"], key=[YES, DOUBTFUL, NO].index)
-        lines.append(f"  {worst:8}  {question}: {', '.join(f'{value:.3g}' for value in its['value'])}")
+    for question, answers in table.groupby("question", sort=False):
+        worst = max(answers["verdict"], key=[YES, DOUBTFUL, NO].index)
+        lines.append(f"  {worst:8}  {question}: {', '.join(f'{value:.3g}' for value in answers['value'])}")
     return lines
 
 
@@ -126,7 +126,7 @@ def parameter_percent(fit: BaseFit) -> np.ndarray:
     return 50.0 * (fit.high - fit.low) / np.maximum(np.abs(fit.parameters), np.finfo(float).tiny)
 
 
-def parameter_table(names: Sequence[str], fit: BaseFit) -> pd.DataFrame:
+def identified_table(names: Sequence[str], fit: BaseFit) -> pd.DataFrame:
     """Base parameters from best to worst determined: `parameter` (formula), `percent`, `determined`."""
     percent = parameter_percent(fit)
     verdicts = [_verdict(value, KNOWN_PERCENT, DETERMINED_PERCENT) for value in percent]
@@ -178,9 +178,9 @@ def moving_gains(
         size = np.sqrt((rows**2).sum(axis=0))  # equal column norms keep the normal equations accurate
         products = block_sums(np.einsum("np,nq->npq", rows / size, rows / size), length)
         sums = np.tensordot(counts, products, 1)
-        found = np.linalg.solve(sums[:, :-1, :-1], sums[:, :-1, -1:])[:, 0, 0] * size[-1] / size[0]
-        gains.append(1.0 / found[0])
-        drawn.append(1.0 / found[1:])
+        coefficients = np.linalg.solve(sums[:, :-1, :-1], sums[:, :-1, -1:])[:, 0, 0] * size[-1] / size[0]
+        gains.append(1.0 / coefficients[0])
+        drawn.append(1.0 / coefficients[1:])
     return np.array(gains), np.array(drawn).T
 
 

@@ -21,7 +21,7 @@ from structlearn.rigid_body.dynamics_training import (
     shuffled_epochs,
 )
 from structlearn.rigid_body.friction import FRICTIONS
-from structlearn.rigid_body.identification import fit_structure, least_squares, normalised_triangle
+from structlearn.rigid_body.identification import fit_structure, normalised_triangle, unconstrained_minimiser
 from structlearn.rigid_body.inertia_parameters import STRUCTURES, Structure
 from structlearn.rigid_body.motion import Motion
 from structlearn.rigid_body.regressor import MotionRegressor, link_parameters, torque_regressor
@@ -97,9 +97,13 @@ def identify_arm(
     urdf = {name: rigid_body_torques(tree, robot.inertias, part)[None] for name, part in parts.items()}
     torques: dict[ModelKey, dict[str, np.ndarray]] = {(URDF, "none"): urdf}
     for friction in frictions:
-        its = {name: MotionRegressor(tree, part, True, FRICTIONS[friction]) for name, part in parts.items()}
-        theta = least_squares(normalised_triangle(its[TRAIN].factors, limits))
-        torques[LEAST_SQUARES, friction] = {name: (one.columns @ theta)[None] for name, one in its.items()}
+        regressors = {
+            name: MotionRegressor(tree, part, True, FRICTIONS[friction]) for name, part in parts.items()
+        }
+        theta = unconstrained_minimiser(normalised_triangle(regressors[TRAIN].factors, limits))
+        torques[LEAST_SQUARES, friction] = {
+            name: (regressor.columns @ theta)[None] for name, regressor in regressors.items()
+        }
     for key, learned in models.items():
         torques[key] = {name: predicted_torques(learned, tree, part) for name, part in parts.items()}
     return models, torques
@@ -109,9 +113,9 @@ def error_table(torques: Torques, parts: Mapping[str, Motion]) -> pd.DataFrame:
     """Table of errors: `model`, `friction`, `seed`, `part`, `joint` (from 1), `nmse`."""
     rows = [
         (model, friction, seed, name, joint, error)
-        for (model, friction), found in torques.items()
+        for (model, friction), predicted in torques.items()
         for name, part in parts.items()
-        for seed, values in enumerate(found[name])
+        for seed, values in enumerate(predicted[name])
         for joint, error in enumerate(nmse(values, part.torque), start=1)
     ]
     return pd.DataFrame(rows, columns=["model", "friction", "seed", "part", "joint", "nmse"])
@@ -127,7 +131,10 @@ def block_table(torques: Torques, parts: Mapping[str, Motion], length: int) -> p
     for name, part in parts.items():
         count = block_count(len(part), length)
         sums = {"samples": np.ones_like(part.torque), "torque": part.torque, "torque_squared": part.torque**2}
-        sums |= {"/".join(key): ((its[name] - part.torque) ** 2).mean(axis=0) for key, its in torques.items()}
+        sums |= {
+            "/".join(key): ((predicted[name] - part.torque) ** 2).mean(axis=0)
+            for key, predicted in torques.items()
+        }
         columns = {key: block_sums(values, length).ravel() for key, values in sums.items()}
         block, joint = (places.ravel() for places in np.indices((count, part.joints)))
         tables.append(pd.DataFrame({"part": name, "block": block, "joint": joint + 1} | columns))
@@ -140,8 +147,8 @@ def block_norms(torques: Torques, parts: Mapping[str, Motion], length: int) -> p
     for name, part in parts.items():
         samples = block_sums(np.ones(len(part)), length)
         columns = {"part": name, "block": np.arange(len(samples)), "samples": samples}
-        for key, its in torques.items():
-            norms = np.linalg.norm(its[name] - part.torque, axis=-1).mean(axis=0)
+        for key, predicted in torques.items():
+            norms = np.linalg.norm(predicted[name] - part.torque, axis=-1).mean(axis=0)
             columns["/".join(key)] = block_sums(norms, length)
         tables.append(pd.DataFrame(columns))
     return pd.concat(tables, ignore_index=True)
@@ -157,7 +164,7 @@ def body_table(models: Models, robot: Robot) -> pd.DataFrame:
     return pd.concat(tables, ignore_index=True)
 
 
-def trace_table(torques: Torques, part: str, motion: Motion, rate_hz: float, stride: int) -> pd.DataFrame:
+def torque_traces(torques: Torques, part: str, motion: Motion, rate_hz: float, stride: int) -> pd.DataFrame:
     """Measured and predicted torques in N m of a part, every `stride`-th sample, first seed of each model.
 
     Columns `time_s`, `joint`, `measured` and one per model, `KIND` or `KIND_FRICTION`.
@@ -169,9 +176,9 @@ def trace_table(torques: Torques, part: str, motion: Motion, rate_hz: float, str
         "joint": np.repeat(np.arange(1, motion.joints + 1), len(time)),
         "measured": motion.torque[kept].T.ravel(),
     }
-    for (model, friction), found in torques.items():
+    for (model, friction), predicted in torques.items():
         name = model if friction == "none" else f"{model}_{friction}"
-        columns[name] = found[part][0][kept].T.ravel()
+        columns[name] = predicted[part][0][kept].T.ravel()
     return pd.DataFrame(columns)
 
 

@@ -32,7 +32,7 @@ def model_name(model: str) -> str:
     return NAMES[kind] + (" + Coulomb" if model != kind else "")
 
 
-def in_order(models: Iterable[str]) -> list[str]:
+def models_in_order(models: Iterable[str]) -> list[str]:
     """Models in the order of tables, each followed by its variant with Coulomb friction."""
     places = list(NAMES)
     return sorted(dict.fromkeys(models), key=lambda name: (places.index(name.removesuffix(COULOMB)), name))

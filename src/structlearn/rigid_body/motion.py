@@ -45,7 +45,7 @@ class Motion:
         return self.part(slice(None, end)), self.part(slice(end, None))
 
 
-def joined(motions: Sequence[Motion]) -> Motion:
+def joined_motions(motions: Sequence[Motion]) -> Motion:
     """Concatenation of several motions of the same joints."""
     fields = ("q", "qd", "qdd", "torque")
     return Motion(*(np.concatenate([getattr(motion, field) for motion in motions]) for field in fields))
@@ -123,10 +123,10 @@ def drawn_nmse(
     blocks: pd.DataFrame, model: Sequence[str], draws: int, seed: int
 ) -> tuple[np.ndarray, np.ndarray, int]:
     """NMSE (n,) of a model (kind, friction) on a part, for drawn blocks (D, n), and the number of blocks."""
-    its = blocks.sort_values(["block", "joint"])
-    count, joints = its["block"].nunique(), its["joint"].nunique()
+    ordered = blocks.sort_values(["block", "joint"])
+    count, joints = ordered["block"].nunique(), ordered["joint"].nunique()
     columns = ["samples", "torque", "torque_squared", "/".join(model)]
-    sums = its[columns].to_numpy().reshape(count, joints, 4)
+    sums = ordered[columns].to_numpy().reshape(count, joints, 4)
     drawn = np.tensordot(drawn_counts(count, draws, seed), sums, 1)
     samples, torque, squared, error = np.moveaxis(np.concatenate([sums.sum(axis=0)[None], drawn]), -1, 0)
     errors = error / (squared - torque**2 / samples)

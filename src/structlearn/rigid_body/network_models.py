@@ -213,7 +213,9 @@ class NetworkLearner:
         self.states = _by_columns(np.stack([motion.q, motion.qd, motion.qdd]) for motion in motions)
         self.torque = _by_columns(motion.torque for motion in motions)  # (R, n, N) with R = 1 or M
         self.columns = as_tensor(
-            np.stack([np.moveaxis(friction_columns(its.q, its.qd, self.terms), 0, -1) for its in motions])
+            np.stack(
+                [np.moveaxis(friction_columns(motion.q, motion.qd, self.terms), 0, -1) for motion in motions]
+            )
         )  # (R, n, t, N)
         self.variance = np.stack([motion.torque_variance for motion in motions])
         self.network: StackedLagrangianNetworks | StackedPerceptrons
@@ -276,4 +278,4 @@ class NetworkLearner:
 
 def _by_columns(values: Iterable[np.ndarray]) -> Tensor:
     """(R, ..., n, N) tensor of arrays (..., N, n)."""
-    return as_tensor(np.stack([np.swapaxes(its, -1, -2) for its in values]))
+    return as_tensor(np.stack([np.swapaxes(matrix, -1, -2) for matrix in values]))

@@ -146,14 +146,14 @@ def identify_load(
     """
     rows = [_rows(tree, pair, friction, place, len(pairs)) for place, pair in enumerate(pairs)]
     joints = len(tree.names)
-    measured = np.concatenate([its[..., -1].reshape(-1, joints) for its in rows])
+    measured = np.concatenate([block[..., -1].reshape(-1, joints) for block in rows])
     theta, _ = _solved(rows, 1.0 / np.sqrt(measured.var(axis=0)))
-    left = np.concatenate([(its[..., :-1] @ theta - its[..., -1]).reshape(-1, joints) for its in rows])
+    left = np.concatenate([(block[..., :-1] @ theta - block[..., -1]).reshape(-1, joints) for block in rows])
     weights = 1.0 / np.sqrt((left**2).mean(axis=0))
     theta, directions = _solved(rows, weights)
     known = np.zeros(())
-    for place, its in enumerate(rows):
-        scaled = its * weights[:, None]
+    for place, block in enumerate(rows):
+        scaled = block * weights[:, None]
         reduced = np.concatenate([scaled[..., :-1] @ directions, scaled[..., -1:]], axis=-1)
         pieces = [piece.reshape(-1, piece.shape[-1]) for piece in blocks(reduced, length)]
         products = np.array([piece.T @ piece for piece in pieces])
@@ -171,18 +171,18 @@ def _rows(
     links = SYMMETRIC_COLUMNS * len(tree.names)
     parts = []
     for carries, motion in enumerate(pair):
-        its = MotionRegressor(tree, motion.part(slice(None, min(map(len, pair)))), True, friction)
-        own = its.columns[..., links:]
+        regressor = MotionRegressor(tree, motion.part(slice(None, min(map(len, pair)))), True, friction)
+        own = regressor.columns[..., links:]
         others = [own if other == place else np.zeros_like(own) for other in range(pairs)]
-        gained = carries * its.columns[..., links - SYMMETRIC_COLUMNS : links]
-        columns = [its.columns[..., :links], *others, gained, its.torque[..., None]]
+        gained = carries * regressor.columns[..., links - SYMMETRIC_COLUMNS : links]
+        columns = [regressor.columns[..., :links], *others, gained, regressor.torque[..., None]]
         parts.append(np.concatenate(columns, axis=-1))
     return np.stack(parts, axis=1)
 
 
 def _solved(rows: Sequence[np.ndarray], weights: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Minimum-norm least-squares solution (P,), and directions (P, r) along which the squares are one."""
-    stacked = np.concatenate([(its * weights[:, None]).reshape(-1, its.shape[-1]) for its in rows])
+    stacked = np.concatenate([(block * weights[:, None]).reshape(-1, block.shape[-1]) for block in rows])
     triangle = triangular_factor(stacked)
     left, strength, right = np.linalg.svd(triangle[:, :-1], full_matrices=False)
     known = strength > SINGULAR * strength[0]

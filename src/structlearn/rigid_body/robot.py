@@ -73,15 +73,15 @@ def configuration(model: pinocchio.Model, joints: np.ndarray) -> np.ndarray:
 LARGEST_POSITION, STD_VELOCITY, STD_ACCELERATION = 2.0, 2.0, 5.0
 """Random states: bound of uniform positions in rad; rad/s and rad/s^2, of normal distributions."""
 
+STATES = 200  # number of random states
 
-def torque_differences(
-    robot: Robot, torques: Callable[..., np.ndarray], states: int = 200, seed: int = 0
-) -> np.ndarray:
+
+def torque_differences(robot: Robot, torques: Callable[..., np.ndarray]) -> np.ndarray:
     """Largest torque difference (n,) in N m from Pinocchio's recursive Newton-Euler at random states.
 
-    `torques` gives (states, n) N m for positions, velocities and accelerations, (states, n) each.
+    `torques` gives (STATES, n) N m for positions, velocities and accelerations, (STATES, n) each.
     """
-    generator, shape = np.random.default_rng(seed), (states, len(robot.tree.names))
+    generator, shape = np.random.default_rng(0), (STATES, len(robot.tree.names))
     q = generator.uniform(-LARGEST_POSITION, LARGEST_POSITION, shape)
     qd, qdd = (generator.normal(0.0, spread, shape) for spread in (STD_VELOCITY, STD_ACCELERATION))
     model, data = robot.model, robot.model.createData()

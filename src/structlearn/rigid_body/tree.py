@@ -52,7 +52,9 @@ class LinkInertias(Generic[Array]):
 
     def of(self, model: int) -> "LinkInertias[np.ndarray]":
         """Inertias of one model."""
-        return LinkInertias(*(np.asarray(its[model]) for its in (self.mass, self.first_moment, self.inertia)))
+        return LinkInertias(
+            *(np.asarray(part[model]) for part in (self.mass, self.first_moment, self.inertia))
+        )
 
     def tensors(self) -> "LinkInertias[Tensor]":
         """The same as float64 tensors."""

@@ -106,7 +106,7 @@ def _numbers(texts: Sequence[str], where: str) -> list[float]:
 
 def mesh_folders(path: Path) -> list[Path]:
     """Folders in which a URDF's meshes are searched for: its own, those above it, and ROS_PACKAGE_PATH."""
-    packages = [Path(one) for one in os.environ.get("ROS_PACKAGE_PATH", "").split(os.pathsep) if one]
+    packages = [Path(path) for path in os.environ.get("ROS_PACKAGE_PATH", "").split(os.pathsep) if path]
     return [*path.resolve().parents, *packages]
 
 
@@ -146,7 +146,7 @@ def tips(path: str | Path, joints: Collection[str]) -> list[str]:
     fingers, are left out. Raises InputError: the file is missing or no URDF.
     """
     chains = _chains(path)
-    depths = {link: len(its) for link, its in chains.items() if its and set(its) <= set(joints)}
+    depths = {link: len(chain) for link, chain in chains.items() if chain and set(chain) <= set(joints)}
     inner = {parent for _, parent, child in _joints(path).values() if child in depths}
     return sorted(depths.keys() - inner, key=lambda link: (not HANDS.search(link), -depths[link], link))
 
@@ -166,8 +166,8 @@ def counterparts(path: str | Path, joints: Sequence[str]) -> dict[str, str]:
 
 
 def _number(name: str) -> str | None:
-    found = re.search(r"\d+$", name)
-    return found and found.group()
+    digits = re.search(r"\d+$", name)
+    return digits and digits.group()
 
 
 def _chains(path: str | Path) -> dict[str, list[str]]:
@@ -186,15 +186,19 @@ def _chains(path: str | Path) -> dict[str, list[str]]:
 
 def _joints(path: str | Path) -> dict[str, tuple[str, str, str]]:
     """Kind, parent and child link of every joint."""
-    found = {}
+    by_name = {}
     for joint in robot_element(Path(path)).findall("joint"):
         parent, child = joint.find("parent"), joint.find("child")
         if parent is None or child is None:
             raise InputError(f"{path}: joint '{joint.get('name')}' has no parent or no child")
-        found[joint.get("name", "")] = (joint.get("type", ""), parent.get("link", ""), child.get("link", ""))
-    if not found:
+        by_name[joint.get("name", "")] = (
+            joint.get("type", ""),
+            parent.get("link", ""),
+            child.get("link", ""),
+        )
+    if not by_name:
         raise InputError(f"{path}: not a URDF of a robot: it has no joints")
-    return found
+    return by_name
 
 
 def write_urdf(

@@ -130,7 +130,7 @@ class Refined:
         return np.where([own.start_known, own.end_known], crossings, ends)
 
 
-def refine(reference: Movement, own: Movement, parameters: SegmentParameters) -> Refined:
+def refine_cuts(reference: Movement, own: Movement, parameters: SegmentParameters) -> Refined:
     """Lines 11 to 24 of algorithm IV.1 for one primitive. Raises ValueError: too few samples correspond."""
     extension = round(parameters.extension_s / reference.dt)
     g = parameters.downsampling

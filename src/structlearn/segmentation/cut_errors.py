@@ -8,10 +8,10 @@ import pandas as pd
 from structlearn.core import metrics, signals
 from structlearn.core.metrics import mean_interval, verdict
 from structlearn.readers.demonstration import Demonstration
-from structlearn.segmentation.alignment import AS_PRINTED, METHODS, RESULT
+from structlearn.segmentation.alignment import METHODS, RESULT
 from structlearn.segmentation.motion_runs import path
-from structlearn.segmentation.parameters import Axis, PrimitiveParameters, SegmentParameters
-from structlearn.segmentation.segments import Segmentation, cut
+from structlearn.segmentation.parameters import Axis, PrimitiveParameters
+from structlearn.segmentation.segments import Segmentation
 
 SPREAD_SAMPLES = 200  # points of normalised time at which segments are compared
 
@@ -77,33 +77,6 @@ def distances_mm(curves: np.ndarray, reference: int) -> np.ndarray:
     curves = curves - curves.mean(axis=1, keepdims=True)
     distances = 1e3 * np.linalg.norm(curves - curves[reference], axis=-1).mean(axis=1)
     return np.delete(distances, reference)
-
-
-def downsampling_effect(
-    demonstrations: Sequence[Demonstration], parameters: SegmentParameters, factors: Sequence[int]
-) -> pd.DataFrame:
-    """Effect of down-sampling the alignment by several factors on the cut points (appendix C).
-
-    `parameters`: of the segmentation; `downsampling` is replaced. Returns one row per factor: `factor`,
-    `work` (cells of the warping tables relative to the first factor; `make bench` times them),
-    `mean_shift_ms` and `max_shift_ms` of the cut points against the first factor's, and the largest shift in
-    aligned samples: `shift_samples`, and `shift_samples_published` for weighted least squares as printed.
-    """
-    segmentations = {
-        factor: cut(demonstrations, parameters.model_copy(update={"downsampling": factor}))
-        for factor in factors
-    }
-    keys, first = ["method", "demonstration", "primitive"], segmentations[factors[0]]
-    rows = []
-    for factor, segmentation in segmentations.items():
-        ends = [cut.cuts.set_index(keys)[["start_s", "end_s"]] for cut in (segmentation, first)]
-        shifts = (ends[0] - ends[1]).dropna().abs()  # demonstrations that both could cut
-        shift, as_printed = (shifts.loc[method].to_numpy() for method in (RESULT, AS_PRINTED))
-        in_ms, samples = 1e3 * np.array([shift.mean(), shift.max()]), factor * demonstrations[0].dt
-        in_samples = shift.max() / samples, as_printed.max() / samples
-        rows.append((factor, segmentation.cells / first.cells, *in_ms, *in_samples))
-    columns = ["factor", "work", "mean_shift_ms", "max_shift_ms", "shift_samples", "shift_samples_published"]
-    return pd.DataFrame(rows, columns=columns)
 
 
 def between_dwells(

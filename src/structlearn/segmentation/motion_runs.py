@@ -82,7 +82,7 @@ MOVED = 0.05
 
 
 @dataclass(frozen=True)
-class Motion:
+class AxisMotion:
     """Path and speeds along one axis of a demonstration with T samples."""
 
     path: np.ndarray  # (T, D) heavily smoothed, m or rad
@@ -120,7 +120,7 @@ def path(demonstration: Demonstration, axis: Axis) -> np.ndarray:
     return np.vstack([np.zeros(3), np.cumsum(quaternion.difference(q[1:], q[:-1]), axis=0)])
 
 
-def motion(demonstration: Demonstration, axis: Axis, parameters: SegmentParameters) -> Motion:
+def motion(demonstration: Demonstration, axis: Axis, parameters: SegmentParameters) -> AxisMotion:
     """Path and speeds of one axis. Raises InputError: as `path`."""
     raw, dt = path(demonstration, axis), demonstration.dt
     smooth = signals.low_pass(raw, dt, parameters.guess_cutoff_hz)
@@ -130,7 +130,7 @@ def motion(demonstration: Demonstration, axis: Axis, parameters: SegmentParamete
         cutoffs_hz = (parameters.guess_cutoff_hz, parameters.cut_cutoff_hz)
         speeds = [_without_ends(*pair, dt) for pair in zip(speeds, cutoffs_hz, strict=True)]
     smooth_speed, speed = speeds
-    return Motion(smooth, smooth_speed, speed, turns=axis == "rot")
+    return AxisMotion(smooth, smooth_speed, speed, turns=axis == "rot")
 
 
 def _without_ends(speed: np.ndarray, cutoff_hz: float, dt: float) -> np.ndarray:
@@ -145,7 +145,7 @@ def _without_ends(speed: np.ndarray, cutoff_hz: float, dt: float) -> np.ndarray:
     return limited
 
 
-def pace(motions: Sequence[Motion]) -> float:
+def pace(motions: Sequence[AxisMotion]) -> float:
     """Typical speed of the movements of a set of demonstrations, m/s or rad/s: median of path-weighted means.
 
     Weighting by path instead of time makes rests and twitches almost irrelevant, however long or quick.
@@ -193,7 +193,7 @@ def runs_of_motion(
 
 
 @dataclass(frozen=True)
-class Search:
+class CandidateSearch:
     """Parameters of the search for candidates."""
 
     thresholds: Sequence[float]  # of the speed, in rising order
@@ -209,7 +209,7 @@ class Search:
     begins: Sequence[int] | np.ndarray = ()
 
 
-def candidates(moved: Motion, search: Search) -> Candidates:
+def run_candidates(moved: AxisMotion, search: CandidateSearch) -> Candidates:
     """Candidates: runs at every threshold, and neighbouring runs joined, each cut at its ends; may be empty.
 
     Long pauses show at all thresholds, short ones only at a high threshold.
@@ -241,7 +241,7 @@ def candidates(moved: Motion, search: Search) -> Candidates:
     )
 
 
-def _between_events(moved: Motion, search: Search) -> Iterator[tuple[int, int]]:
+def _between_events(moved: AxisMotion, search: CandidateSearch) -> Iterator[tuple[int, int]]:
     """First moving sample after each event that begins a primitive, and the next event that ends it."""
     ends = np.array([], dtype=int) if search.ends is None else search.ends
     for begin in search.begins:
@@ -276,7 +276,7 @@ def _leads(path: np.ndarray, travelled: np.ndarray, runs: np.ndarray) -> bool:
 
 
 def _ends(
-    moved: Motion, runs: np.ndarray, i: int, j: int, threshold: float, search: Search
+    moved: AxisMotion, runs: np.ndarray, i: int, j: int, threshold: float, search: CandidateSearch
 ) -> tuple[int, int] | None:
     """First and last sample of a primitive of runs i to j; None if no event ends it that should."""
     last_sample = len(moved.path) - 1

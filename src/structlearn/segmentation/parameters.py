@@ -109,7 +109,7 @@ class SegmentParameters(Parameters):
 
     @property
     def at_onsets(self) -> bool:
-        """Whether movements end at extrapolated onsets (`onsets`), instead of at crossings as published."""
+        """Whether movements end at extrapolated onsets, instead of at crossings as published."""
         return False
 
     @property

@@ -14,7 +14,7 @@ import pandas as pd
 from structlearn.core.errors import InputError
 from structlearn.readers.demonstration import SIGNAL_UNITS, Demonstration
 from structlearn.segmentation import motion_runs
-from structlearn.segmentation.motion_runs import MOVED, Candidates, Motion, Search
+from structlearn.segmentation.motion_runs import MOVED, AxisMotion, Candidates, CandidateSearch
 from structlearn.segmentation.parameters import BETWEEN, SegmentParameters
 from structlearn.segmentation.run_assignment import PAUSE_PRICE, UNASSIGNED_PRICE, Pattern, mismatch
 
@@ -32,7 +32,7 @@ REPEAT_COLUMNS = ["recording", "demonstration", "start_s", "end_s", "unlike"]
 the pattern (`run_assignment.mismatch`, mean over its moves)."""
 
 
-def split(
+def split_repeats(
     recordings: Sequence[Demonstration], parameters: SegmentParameters, count: int | None
 ) -> tuple[list[Demonstration], pd.DataFrame]:
     """Demonstrations of one repeat each, including half the adjacent rests, and a table of `REPEAT_COLUMNS`.
@@ -81,8 +81,8 @@ def split(
     return parts, pd.DataFrame(rows, columns=REPEAT_COLUMNS)
 
 
-def _candidates(motion: Motion, thresholds: Sequence[float], dt: float, bridge: int) -> Candidates:
-    return motion_runs.candidates(motion, Search(thresholds, dt, bridge, most=len(motion.path)))
+def _candidates(motion: AxisMotion, thresholds: Sequence[float], dt: float, bridge: int) -> Candidates:
+    return motion_runs.run_candidates(motion, CandidateSearch(thresholds, dt, bridge, most=len(motion.path)))
 
 
 def _best_pattern(candidates: Sequence[Candidates], runs: Sequence[Candidates], most: int) -> Pattern:

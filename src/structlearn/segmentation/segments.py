@@ -5,7 +5,7 @@ then refined by alignment with the reference. All estimates are kept for compari
 (`zvc`), the samples that time warping assigns to the reference's ends (`dtw`), ordinary (`ls`) and weighted
 (`wls_published`) least squares as printed, and the result, weighted least squares with the crossings as
 additional correspondences (`wls`). Tasks on recorded data replace all crossings by extrapolated onsets
-(`onsets`).
+(`crossings`).
 """
 
 from collections.abc import Sequence
@@ -111,7 +111,7 @@ def cut(demonstrations: Sequence[Demonstration], parameters: SegmentParameters) 
             refined = {}
             for name, movement in movements.items():
                 try:
-                    refined[name] = alignment.refine(reference_movements[name], movement, parameters)
+                    refined[name] = alignment.refine_cuts(reference_movements[name], movement, parameters)
                 except ValueError as error:
                     raise InputError(f"{demonstration.name}: primitive '{name}': {error}") from error
             cuts.append(_cut_rows(demonstration, refined, parameters))

@@ -9,10 +9,10 @@ from .latent_models import (
     LatentModels as LatentModels,
     StackedAutoencoders as StackedAutoencoders,
     latent_losses as latent_losses,
-    read_models as read_models,
-    write_models as write_models,
+    read_latent_models as read_latent_models,
+    write_latent_models as write_latent_models,
 )
-from .latent_training import train as train
+from .latent_training import train_latent_spaces as train_latent_spaces
 from .servo_controller import (
     AdaptiveServo as AdaptiveServo,
     ServoParameters as ServoParameters,

@@ -99,9 +99,9 @@ class Skin:
 
     def holds(self, points: np.ndarray) -> np.ndarray:
         """Whether surface points (..., 3) m are within the ranges of the skin, (...)."""
-        found = np.stack(self.coordinates(points), axis=-1)
+        coordinates = np.stack(self.coordinates(points), axis=-1)
         low, high = np.transpose([self.along, self.across])
-        return ((low <= found) & (found <= high)).all(axis=-1)
+        return ((low <= coordinates) & (coordinates <= high)).all(axis=-1)
 
 
 def biotac() -> Skin:

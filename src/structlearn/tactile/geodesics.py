@@ -152,11 +152,11 @@ def _shorten(distance: np.ndarray) -> None:
 
 
 @numba.njit(cache=True)
-def _ahead(edges: np.ndarray, point: int, found: np.ndarray) -> int:
+def _ahead(edges: np.ndarray, point: int, places: np.ndarray) -> int:
     """Write the later points that a point has edges to (N,); return their number."""
     count = 0
     for other in range(point + 1, len(edges)):
         if edges[other] < np.inf:
-            found[count] = other
+            places[count] = other
             count += 1
     return count

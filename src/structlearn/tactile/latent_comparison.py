@@ -35,7 +35,7 @@ from structlearn.tactile.latent_training import (
     draw_pairs,
     encoded,
     latent_data,
-    train,
+    train_latent_spaces,
 )
 from structlearn.tactile.touch_dataset import (
     LINEAR,
@@ -80,7 +80,9 @@ class LatentComparison:
     tables: Mapping[str, pd.DataFrame]  # by name
 
 
-def learn(dataset: TouchDataset, geodesics: Geodesics, parameters: LatentParameters) -> LatentComparison:
+def learn_latent_spaces(
+    dataset: TouchDataset, geodesics: Geodesics, parameters: LatentParameters
+) -> LatentComparison:
     """Train all models and evaluate them.
 
     Raises InputError: a split or a bin has too few samples, no contact is long enough for a chain in training
@@ -95,9 +97,9 @@ def learn(dataset: TouchDataset, geodesics: Geodesics, parameters: LatentParamet
         name: split_data(units, dataset, geodesics, split, parameters.evaluation_pairs, rng)
         for name, split in SPLITS.items()
     }
-    found = _chains(dataset, parameters.longest_chain, (TEST_STRIDE,), "test")
-    actions, time_step = as_tensor(found.actions / units.action_scale), as_tensor(found.time_step)
-    tested = replace(data, chains=torch.from_numpy(found.rows), actions=actions, time_step=time_step)
+    test_chains = _chains(dataset, parameters.longest_chain, (TEST_STRIDE,), "test")
+    actions, time_step = as_tensor(test_chains.actions / units.action_scale), as_tensor(test_chains.time_step)
+    tested = replace(data, chains=torch.from_numpy(test_chains.rows), actions=actions, time_step=time_step)
     groups = np.array_split(np.arange(parameters.seeds), min(parameters.stacks, parameters.seeds))
     seeds = [tuple(group.tolist()) for group in groups]
     learned = partial(_learned, data=data, splits=splits, tested=tested, units=units, parameters=parameters)
@@ -126,7 +128,7 @@ def _learned(
     curve = []
     with one_thread():
         models = best_start(draws, data, training, parameters.start_steps)
-        for step in train(models, data, training):
+        for step in train_latent_spaces(models, data, training):
             curve.append(_point(models, splits["test"], tested, training.action_penalty).assign(step=step))
         tables = {
             "latent": latent_errors(models, splits),
@@ -158,14 +160,14 @@ def _point(models: LatentModels, split: SplitData, tested: LatentData, penalty: 
 
 def _chains(dataset: TouchDataset, length: int, strides: Sequence[int], split: str) -> Chains:
     """Chains of a split. Raises InputError: there are none."""
-    found = chains(dataset, length, strides, SPLITS[split])
-    if not len(found):
+    parts = chains(dataset, length, strides, SPLITS[split])
+    if not len(parts):
         needed = length * min(strides) / float(dataset.rate_hz)
         raise InputError(
             f"touch: a chain of {length} steps needs a contact that stays pressed for {needed:.2f} s; the "
             f"{split} split has none"
         )
-    return found
+    return parts
 
 
 def split_data(
@@ -223,8 +225,8 @@ def forward_errors(models: LatentModels, data: LatentData) -> pd.DataFrame:
     The forward model `UNCHANGED` predicts no motion.
     """
 
-    def errors(found: Tensor, latent: Tensor, steps: int) -> dict[str, Tensor]:
-        nmse = _nmse(found, latent)
+    def errors(predicted: Tensor, latent: Tensor, steps: int) -> dict[str, Tensor]:
+        nmse = _nmse(predicted, latent)
         return {"nmse": nmse.mean(dim=1), "plane": nmse[:, :2].mean(dim=1), "third": nmse[:, 2]}
 
     return _by_prediction(models, data, errors)
@@ -242,9 +244,9 @@ def decoded_errors(models: LatentModels, data: LatentData, units: TouchUnits) ->
     def pressure(signals: Tensor) -> Tensor:
         return -(signals * scale[:, None] + mean[:, None]).mean(dim=-2)
 
-    def errors(found: Tensor, latent: Tensor, steps: int) -> dict[str, Tensor]:
+    def errors(predicted: Tensor, latent: Tensor, steps: int) -> dict[str, Tensor]:
         measured = data.signals[data.chains[:, steps]].T
-        decoded = models.autoencoders.decoder.forward(found)
+        decoded = models.autoencoders.decoder.forward(predicted)
         return {
             "electrodes": _nmse(decoded, measured.expand_as(decoded)).mean(dim=1),
             "pressure": _nmse(pressure(decoded), pressure(measured)),
@@ -279,9 +281,11 @@ def direction_errors(models: LatentModels, data: LatentData, penalty: float) -> 
                 "encoder": (by_encoder, actions[1]),
                 "agreement": (by_encoder, by_forward),
             }
-            for (comparison, (found, wanted)), part in product(comparisons.items(), PARTS):
-                its = PARTS[part]
-                distance = _cosine_distance(found[:, its], wanted[:, its], actions[1][:, its].norm(dim=1))
+            for (comparison, (actual, wanted)), part in product(comparisons.items(), PARTS):
+                columns = PARTS[part]
+                distance = _cosine_distance(
+                    actual[:, columns], wanted[:, columns], actions[1][:, columns].norm(dim=1)
+                )
                 keys = {
                     "inverse": inverse,
                     "trained_with": trained_with,
@@ -323,10 +327,14 @@ def _by_prediction(
             predictions[forward, trained_with] = chained(dynamics, latents[0], actions, time_step)
     tables = [
         _by_model(
-            models, errors(found, latents[steps], steps), forward=kind, trained_with=trained_with, steps=steps
+            models,
+            errors(latent, latents[steps], steps),
+            forward=kind,
+            trained_with=trained_with,
+            steps=steps,
         )
         for (kind, trained_with), predicted in predictions.items()
-        for steps, found in enumerate(predicted, start=1)
+        for steps, latent in enumerate(predicted, start=1)
     ]
     return pd.concat(tables, ignore_index=True)
 
@@ -346,8 +354,8 @@ def _nmse(prediction: Tensor, target: Tensor) -> Tensor:
     return (prediction - target).square().mean(dim=-1) / target.var(dim=-1, unbiased=False)
 
 
-def _cosine_distance(found: Tensor, wanted: Tensor, weight: Tensor) -> Tensor:
+def _cosine_distance(actual: Tensor, wanted: Tensor, weight: Tensor) -> Tensor:
     """Weighted mean (M,) over samples of 1 - cosine between vectors (M, D, B)."""
-    norms = found.norm(dim=1).clamp_min(SHORTEST) * wanted.norm(dim=1).clamp_min(SHORTEST)
-    cosine = (found * wanted).sum(dim=1) / norms
+    norms = actual.norm(dim=1).clamp_min(SHORTEST) * wanted.norm(dim=1).clamp_min(SHORTEST)
+    cosine = (actual * wanted).sum(dim=1) / norms
     return (weight * (1.0 - cosine)).sum(dim=-1) / weight.sum(dim=-1)

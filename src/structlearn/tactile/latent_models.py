@@ -136,7 +136,7 @@ class LatentModels:
         shapes = [(-1, len(stack.seeds)) for stack in stacks]
         joined = {}
         for name in arrays[0]:
-            by_seed = [its[name].unflatten(0, shape) for its, shape in zip(arrays, shapes, strict=True)]
+            by_seed = [part[name].unflatten(0, shape) for part, shape in zip(arrays, shapes, strict=True)]
             joined[name] = torch.cat(by_seed, dim=1).flatten(0, 1)
         return cls.from_arrays(sum((stack.seeds for stack in stacks), ()), joined)
 
@@ -200,7 +200,7 @@ class TrainedTouch(NamedTuple):
     units: TouchUnits
 
 
-def write_models(models: LatentModels, units: TouchUnits, path: str | Path) -> None:
+def write_latent_models(models: LatentModels, units: TouchUnits, path: str | Path) -> None:
     """Publish a stack of models and their units."""
     arrays = {name: values.numpy() for name, values in models.to_arrays().items()}
     arrays |= {f"{UNITS}{name}": np.asarray(values) for name, values in vars(units).items()}
@@ -210,7 +210,7 @@ def write_models(models: LatentModels, units: TouchUnits, path: str | Path) -> N
     )
 
 
-def read_models(path: str | Path) -> TrainedTouch:
+def read_latent_models(path: str | Path) -> TrainedTouch:
     """Read a stack of models and their units.
 
     Raises InputError: the file is missing, damaged or another file.

@@ -64,12 +64,12 @@ def draw_pairs(
     """
     bins = len(geodesics.rows)
     members = [np.flatnonzero(splits[rows] == split) for rows in geodesics.rows]
-    if min(len(found) for found in members) < 2:
+    if min(len(member) for member in members) < 2:
         raise InputError(f"geodesics: a bin has fewer than two samples of split {split}")
     parts = []
-    for place, found in enumerate(members):
+    for place, present in enumerate(members):
         size = count // bins + (place < count % bins)
-        first, second = found[rng.integers(0, len(found), (2, size))]
+        first, second = present[rng.integers(0, len(present), (2, size))]
         rows = geodesics.rows[place]
         parts.append((rows[first], rows[second], geodesics.distance[place, first, second]))
     return Pairs(*(np.concatenate(values) for values in zip(*parts, strict=True)))
@@ -101,7 +101,9 @@ def latent_data(samples: TouchSamples, pairs: Pairs, chains: Chains, units: Touc
     )
 
 
-def train(models: LatentModels, data: LatentData, parameters: LatentTrainingParameters) -> Iterator[int]:
+def train_latent_spaces(
+    models: LatentModels, data: LatentData, parameters: LatentTrainingParameters
+) -> Iterator[int]:
     """Train a stack in place; only its autoencoders if the data have no chains.
 
     Yields the number of steps, every `evaluate_every` steps and at the end, for evaluation in between.
@@ -143,7 +145,7 @@ def best_start(
     drawn = torch.linspace(0, len(data.pairs) - 1, COMPARED_PAIRS).long().expand(len(draws[0].seeds), -1)
     losses = []
     for models in draws:
-        for _ in train(models, alone, short):
+        for _ in train_latent_spaces(models, alone, short):
             pass  # train to the end
         with torch.no_grad():
             losses.append(autoencoder_losses(models, data, drawn, parameters))
@@ -183,7 +185,7 @@ def learn_from(data: LatentData, parameters: LatentSpaceParameters) -> LatentMod
         actions=data.actions.shape[-1],
     )
     with one_thread():
-        for _ in train(models, data, parameters.training):
+        for _ in train_latent_spaces(models, data, parameters.training):
             pass  # train to the end
     return models.detached()
 
@@ -213,8 +215,8 @@ def dynamics_loss(
     time_step = models.for_all(data.time_step[drawn])[:, None]
     step = LatentStep(latents[1], latents[0], actions[0], time_step)
     forward = inverse = latents.new_zeros(())
-    for name, ways in TRAINED_WITH.items():
-        times = len(ways)
+    for name, choices in TRAINED_WITH.items():
+        times = len(choices)
         predicted = chained(
             models.forward_stack(name),
             step.latent.repeat(times, 1, 1),
@@ -224,8 +226,10 @@ def dynamics_loss(
         error = predicted - latents[2:].repeat(1, times, 1, 1)
         forward = forward + error.square().sum() / drawn.shape[-1]
     for name, of in FORWARD_OF.items():
-        found = inferred_action(name, models.dynamics(of, name), step, latents[2], parameters.action_penalty)
-        inverse = inverse + direction_loss(found, actions[1])
+        inferred = inferred_action(
+            name, models.dynamics(of, name), step, latents[2], parameters.action_penalty
+        )
+        inverse = inverse + direction_loss(inferred, actions[1])
     return parameters.weights.forward * forward + parameters.weights.inverse * inverse
 
 
@@ -233,19 +237,19 @@ def encoded(models: LatentModels, signals: Tensor, rows: Tensor) -> Tensor:
     """Latent states (C + 1, M, 3, B), detached, of signals (N, E) at rows (S, B, C + 1) of chains."""
     flat = rows.transpose(1, 2)
     with torch.no_grad():
-        found = signals.index_select(0, flat.flatten()).unflatten(0, (len(rows), -1)).transpose(1, 2)
-        latent = models.autoencoders.encoder.forward(models.for_all(found))  # (M, 3, (C + 1) B)
+        taken = signals.index_select(0, flat.flatten()).unflatten(0, (len(rows), -1)).transpose(1, 2)
+        latent = models.autoencoders.encoder.forward(models.for_all(taken))  # (M, 3, (C + 1) B)
     return latent.unflatten(-1, flat.shape[1:]).movedim(2, 0)
 
 
-def direction_loss(found: Tensor, action: Tensor) -> Tensor:
+def direction_loss(inferred: Tensor, action: Tensor) -> Tensor:
     """L_ID (eq. II.22): squared distance of an action (M, 6, B) from the inferred one, scaled to its length.
 
     Mean over samples, sum over models.
     """
-    length = (found.square().sum(dim=1, keepdim=True) + SHORTEST_ACTION**2).sqrt()
+    length = (inferred.square().sum(dim=1, keepdim=True) + SHORTEST_ACTION**2).sqrt()
     wanted = action.square().sum(dim=1, keepdim=True).sqrt()
-    return (found / length * wanted - action).square().sum() / action.shape[-1]
+    return (inferred / length * wanted - action).square().sum() / action.shape[-1]
 
 
 def _batches(

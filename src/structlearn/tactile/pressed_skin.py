@@ -36,7 +36,7 @@ class PressedSkin(TouchSamples):
     place: np.ndarray  # (N, 3) m of the probe
 
 
-def seen(counts: np.ndarray, change: Change, by_norm: bool) -> tuple[np.ndarray, np.ndarray]:
+def skin_signals(counts: np.ndarray, change: Change, by_norm: bool) -> tuple[np.ndarray, np.ndarray]:
     """Signals for a latent space, and the contact pressure, from readings (N, E) minus those at rest.
 
     `by_norm`: readings are divided by their norm, whose logarithm becomes an additional channel. Returns

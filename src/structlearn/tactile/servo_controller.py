@@ -138,19 +138,21 @@ class TactileServo:
         """
         chosen, step, goal = self.parameters, self._step(latent, memory), as_states(target)
         if chosen.horizon > 1:
-            found = self._ahead(affine_dynamics(self._dynamics, step), step, goal)
+            action = self._ahead(affine_dynamics(self._dynamics, step), step, goal)
         else:
-            found = inferred_action(chosen.inverse, self._dynamics, step, goal, chosen.action_penalty)
-            found = chosen.gradient_gain * found if chosen.inverse == NEGATIVE_GRADIENT else found
-        return self._done(found, latent, memory)
+            action = inferred_action(chosen.inverse, self._dynamics, step, goal, chosen.action_penalty)
+            action = chosen.gradient_gain * action if chosen.inverse == NEGATIVE_GRADIENT else action
+        return self._done(action, latent, memory)
 
     def _step(self, latent: np.ndarray, memory: ServoMemory) -> LatentStep:
         before, since = memory.latent[0], memory.action.mean(axis=0)
         return LatentStep(as_states(latent), as_states(before), as_states(since), self._time_step)
 
-    def _done(self, found: Tensor, latent: np.ndarray, memory: ServoMemory) -> tuple[np.ndarray, ServoMemory]:
+    def _done(
+        self, chosen: Tensor, latent: np.ndarray, memory: ServoMemory
+    ) -> tuple[np.ndarray, ServoMemory]:
         """A found action (M, K, B), bounded and in SI units, and the updated memory."""
-        action = _array(found)
+        action = _array(chosen)
         length = np.linalg.norm(action, axis=-1, keepdims=True)
         bounded = action * np.minimum(1.0, self.parameters.largest_action / np.maximum(length, 1e-12))
         after = replace(
@@ -212,8 +214,8 @@ class AdaptiveServo(TactileServo):
         slope = action_slope(self._dynamics, step.latent, self._likely, self.trust.spread)
         slope = slope * self._likely.T[..., None]
         error = corrected(memory.error, slope, step, self._likely, self.trust.correction)
-        found = self._towards(as_states(target), step, slope + error)
-        return self._done(found * self._likely, latent, replace(memory, error=error))
+        action = self._towards(as_states(target), step, slope + error)
+        return self._done(action * self._likely, latent, replace(memory, error=error))
 
     def _towards(self, target: Tensor, step: LatentStep, slope: Tensor) -> Tensor:
         """Scaled actions u (M, K, B) that lead to a target."""

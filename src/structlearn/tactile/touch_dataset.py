@@ -112,8 +112,8 @@ def chains(
     """
     if length < 1 or min(strides) < 1:
         raise ValueError(f"chains need positive lengths and strides, have {length} and {tuple(strides)}")
-    found = [_chains(dataset, length, stride, split) for stride in strides]
-    return Chains(*(np.concatenate(its) for its in zip(*found, strict=True)))
+    by_stride = [_chains(dataset, length, stride, split) for stride in strides]
+    return Chains(*(np.concatenate(arrays) for arrays in zip(*by_stride, strict=True)))
 
 
 def write_dataset(dataset: TouchDataset, path: str | Path) -> None:
@@ -148,7 +148,7 @@ def _chains(
     total = np.vstack([np.zeros(2 * LINEAR), np.cumsum(dataset.velocity, axis=0, dtype=float)])
     mean = (total[rows[:, 1:]] - total[rows[:, :-1]]) / stride
     to_finger = quaternion.conjugate(dataset.orientation[rows[:, :-1]])
-    parts = [quaternion.rotate(to_finger, its) for its in np.split(mean, [LINEAR], axis=-1)]
+    parts = [quaternion.rotate(to_finger, part) for part in np.split(mean, [LINEAR], axis=-1)]
     actions = np.concatenate(parts, axis=-1).astype(np.float32)
     return rows, actions, np.full(len(rows), stride / float(dataset.rate_hz))
 
@@ -213,10 +213,10 @@ def prepare(
     another rate, no contact, or shorter than the time in the air; or fewer than three contacts in total.
     """
     parts, labels = [], []
-    for trial, one in enumerate(demonstrations):
-        contacts = _contacts(one, skin, parameters)
+    for trial, demonstration in enumerate(demonstrations):
+        contacts = _contacts(demonstration, skin, parameters)
         parts += contacts
-        labels += [(trial, MOTIONS.get(one.provenance.get("motion"), OTHER))] * len(contacts)
+        labels += [(trial, MOTIONS.get(demonstration.provenance.get("motion"), OTHER))] * len(contacts)
     if len(parts) < 3:
         raise InputError(f"touch: three splits need three contacts, the recordings have {len(parts)}")
     columns = {name: np.concatenate([part[name] for part in parts]) for name in parts[0]}

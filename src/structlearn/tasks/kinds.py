@@ -22,7 +22,7 @@ from structlearn.tasks import project
 KINDS = ("movement", "motion", "touch", "obstacles")
 
 
-def part(kind: str, name: str) -> ModuleType:
+def module_of(kind: str, name: str) -> ModuleType:
     """Module of a kind. Raises InputError: there is no such kind."""
     package = kind if "." in kind else f"{__package__}.{kind}"
     try:
@@ -34,8 +34,8 @@ def part(kind: str, name: str) -> ModuleType:
     raise InputError(f"{kind}: there is no such kind among {', '.join(KINDS)}")
 
 
-def defaults(kind: str) -> dict[str, Any]:
+def kind_defaults(kind: str) -> dict[str, Any]:
     """Defaults of a kind's entries."""
     if kind in KINDS:
         return value_at(project.DEFAULTS, f"defaults.{kind}")
-    return read_values(Path(part(kind, "parameters").__file__ or "").with_name("params.yaml"))
+    return read_values(Path(module_of(kind, "parameters").__file__ or "").with_name("params.yaml"))

@@ -57,5 +57,7 @@ def named_packages(folder: Path) -> list[Path]:
         readers = [entry.get("reader") for entry in entries if isinstance(entry, dict)]
         names |= {str(name).partition(".")[0] for name in (kind, *readers) if "." in str(name)}
     specs = [find_spec(name) for name in sorted(names)]
-    found = [one.submodule_search_locations for one in specs if one and one.submodule_search_locations]
-    return [LIBRARY, *(Path(folders[0]) for folders in found)]
+    locations = [
+        spec.submodule_search_locations for spec in specs if spec and spec.submodule_search_locations
+    ]
+    return [LIBRARY, *(Path(folders[0]) for folders in locations)]

@@ -20,10 +20,9 @@ import yaml
 from structlearn.core.artefacts import publish
 from structlearn.core.errors import InputError
 from structlearn.core.params import checked, merged, read_values, value_at
-from structlearn.core.reading import digest
-from structlearn.core.used_files import remember_value
+from structlearn.core.used_files import digest, remember_value
 from structlearn.readers.source import SourceParameters
-from structlearn.tasks.kinds import defaults, part
+from structlearn.tasks.kinds import kind_defaults, module_of
 from structlearn.tasks.project import ENTRIES, PIPELINE
 from structlearn.tasks.task_files import NAME_RULE, is_name, is_public, local_path
 
@@ -45,7 +44,7 @@ def read_entries(file: Path = ENTRIES) -> dict[str, Entry]:
     """
     if not file.exists():
         raise InputError(f"{file}: no such file here; `structlearn new` makes a project")
-    found: dict[str, Entry] = {}
+    entries: dict[str, Entry] = {}
     values = read_values(file, whole=False) or {}
     if not isinstance(values, dict):
         raise InputError(f"{file}: is no mapping of kinds of data to tasks")
@@ -56,16 +55,16 @@ def read_entries(file: Path = ENTRIES) -> dict[str, Entry]:
         for name, entry in tasks.items():
             if not is_name(name):
                 raise InputError(f"{file}: {kind}: {name!r}: {NAME_RULE}")
-            if name in found:
-                raise InputError(f"{file}: {kind}.{name}: the name is taken: {found[name].kind}")
-            found[name] = Entry(kind, entry)
-    return found
+            if name in entries:
+                raise InputError(f"{file}: {kind}.{name}: the name is taken: {entries[name].kind}")
+            entries[name] = Entry(kind, entry)
+    return entries
 
 
 def model(file: Path, kind: Any) -> type[SourceParameters]:
     """Model of the entries of a kind. Raises InputError: there is no such kind."""
     try:
-        return part(str(kind), "parameters").Entry
+        return module_of(str(kind), "parameters").Entry
     except InputError as error:
         raise InputError(f"{file}: {error}") from error
 
@@ -85,7 +84,7 @@ def read_task(name: str, file: Path = ENTRIES) -> Any:
     )
     if not isinstance(entry, dict):
         raise InputError(f"{file}: {kind}.{name}: is no mapping of parameters")
-    values = merged(defaults(kind), entry)
+    values = merged(kind_defaults(kind), entry)
     values |= {part: None for part in PARTS if part in values and entry.get(part) is None}
     return checked(values, model(file, kind), file, f"{kind}.{name}")
 
@@ -132,17 +131,17 @@ def file_digests(source: str, meshes: bool = False) -> dict[str, str]:
         path = urdf_path(str(path))
     if not path.exists():
         raise InputError(f"{source}: no such file or folder")
-    found = {source: path} if path.is_file() else {}
+    files = {source: path} if path.is_file() else {}
     if meshes:
         from structlearn.rigid_body.urdf import named_files
 
         with suppress(InputError):  # the check will say why
-            found |= {f"{source}: {name}": file for name, file in named_files(path).items()}
+            files |= {f"{source}: {name}": file for name, file in named_files(path).items()}
     for file in sorted(path.rglob("*")) if path.is_dir() else ():
         below = file.relative_to(path)
         if file.is_file() and not any(part.startswith(".") for part in below.parts):
-            found[f"{source}/{below.as_posix()}"] = file
-    return {name: digest(file) for name, file in found.items()}
+            files[f"{source}/{below.as_posix()}"] = file
+    return {name: digest(file) for name, file in files.items()}
 
 
 def targets(name: str = "") -> list[str]:
@@ -150,11 +149,11 @@ def targets(name: str = "") -> list[str]:
 
     Raises InputError: an entry is not valid.
     """
-    kinds = {one: read_task(one).kind for one in ([name] if name else read_entries())}
+    kinds = {task: read_task(task).kind for task in ([name] if name else read_entries())}
     stages = read_values(PIPELINE)["stages"].items()
     return [
-        f"{stage}@{one}"
-        for one, kind in kinds.items()
-        for stage, its in stages
-        if (over := its.get("foreach")) == f"${{{kind}}}" or (isinstance(over, list) and one in over)
+        f"{stage}@{task}"
+        for task, kind in kinds.items()
+        for stage, about in stages
+        if (over := about.get("foreach")) == f"${{{kind}}}" or (isinstance(over, list) and task in over)
     ]

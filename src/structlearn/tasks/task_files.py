@@ -79,9 +79,9 @@ class TaskFiles:
 
     def origins(self) -> list[str]:
         """Sources of a public set, with their licences."""
-        recorded = [one for path in sorted(self.recorded.glob("*.parquet")) for one in read_series(path)]
-        known = [one.about.get("provenance", one.about) for one in recorded]
-        named = [f"{its['source']} ({its['licence']})" for its in known if "licence" in its]
+        recorded = [run for path in sorted(self.recorded.glob("*.parquet")) for run in read_series(path)]
+        known = [run.about.get("provenance", run.about) for run in recorded]
+        named = [f"{about['source']} ({about['licence']})" for about in known if "licence" in about]
         return list(dict.fromkeys(named))
 
     def left_out(self) -> pd.DataFrame:

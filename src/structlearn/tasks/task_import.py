@@ -26,7 +26,7 @@ from structlearn.core.errors import InputError, MissingInputError
 from structlearn.readers import Recording, synchronise
 from structlearn.readers.demonstration import Demonstration, write_streams
 from structlearn.readers.source import ClockParameters, SourceParameters
-from structlearn.tasks.kinds import part
+from structlearn.tasks.kinds import module_of
 from structlearn.tasks.task_files import LEFT_OUT, is_public, leave_out, local_path
 
 BAGS = "bags"
@@ -45,7 +45,7 @@ def import_task(task: SourceParameters, target: Path) -> None:
     with publish(target) as folder:
         folder.mkdir()
         try:
-            part(task.kind, "recordings").write(task, folder, left_out)
+            module_of(task.kind, "recordings").write(task, folder, left_out)
         except InputError as error:
             if not is_public(task.source):
                 raise
@@ -70,14 +70,14 @@ def reader(task: SourceParameters, bags: Read) -> Read:
     module = task.reader if "." in task.reader else f"structlearn.readers.{task.reader}"
     function = f"read_{task.kind.rpartition('.')[2]}"
     try:
-        found = getattr(import_module(module), function, None)
+        read = getattr(import_module(module), function, None)
     except ModuleNotFoundError as error:
         if not module.startswith(str(error.name)):
             raise
-        found = None
-    if found is None:
+        read = None
+    if read is None:
         raise InputError(f"reader '{task.reader}': there is no {function} in {module}")
-    return found
+    return read
 
 
 def read_source(task: SourceParameters, source: str, left_out: LeftOut, bags: Read) -> Any:
@@ -92,11 +92,13 @@ def read_source(task: SourceParameters, source: str, left_out: LeftOut, bags: Re
 
 
 def write_checked_streams(
-    task: SourceParameters, found: Sequence[Recording], folder: Path, left_out: LeftOut
+    task: SourceParameters, recordings: Sequence[Recording], folder: Path, left_out: LeftOut
 ) -> None:
     """Write `streams` at the sensors' own rates, of recordings that can be put on one clock."""
-    checked = {one.name for one in on_clock(task, found, None, left_out)}
-    write_streams([one for one in found if one.name in checked], folder / "streams.parquet")
+    checked = {recording.name for recording in on_clock(task, recordings, None, left_out)}
+    write_streams(
+        [recording for recording in recordings if recording.name in checked], folder / "streams.parquet"
+    )
 
 
 def on_clock(
@@ -109,13 +111,13 @@ def on_clock(
     """Resample recordings to a clock; failing ones are left out or an error, see `goes_on`."""
     on = clock.model_dump() if clock else {}  # default: the rate of the poses
     runs = []
-    for one in recordings:
+    for recording in recordings:
         try:
-            runs.append(synchronise(one, **on, refuse_jumps=refuse_jumps))
+            runs.append(synchronise(recording, **on, refuse_jumps=refuse_jumps))
         except InputError as error:
             if not goes_on(task):
                 raise InputError(f"{task.source}: {error}") from error
-            left_out[one.name] = str(error)
+            left_out[recording.name] = str(error)
     if not runs:
         raise InputError(f"{task.source}: holds no recording that can be read")
     return runs

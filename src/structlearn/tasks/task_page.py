@@ -10,7 +10,7 @@ from structlearn.reporting.document import Document, Source, Table, environment
 from structlearn.reporting.figure_style import Drawing
 from structlearn.reporting.findings import Findings
 from structlearn.reporting.publishing import publish_report
-from structlearn.tasks.kinds import part
+from structlearn.tasks.kinds import module_of
 from structlearn.tasks.project import ENTRIES
 from structlearn.tasks.section import Section
 from structlearn.tasks.task_entry import read_checked
@@ -40,7 +40,7 @@ def task_page(files: TaskFiles) -> TaskPage:
     """Page of a task."""
     kind, task, absent = files.kind, read_checked(files.parameters), files.absent
     short = kind.rpartition(".")[2]
-    sections = [] if absent else list(_in_place(part(kind, "page"), files))
+    sections = [] if absent else list(_in_place(module_of(kind, "page"), files))
     stages = STAGES | {"recorded": f"import_{short}", short: short}
     sources = {
         name: Source(f"{files.folder}/{name}", f"{stage}@{files.name}") for name, stage in stages.items()
@@ -69,9 +69,9 @@ def task_page(files: TaskFiles) -> TaskPage:
         "sections": sections,
     }
     if kind == "movement" and not absent:
-        simulated = any(one.simulated for one in files.runs("demonstrations"))
+        simulated = any(run.simulated for run in files.runs("demonstrations"))
     else:
-        simulated = any(one.facts.get("origin", {}).get("origin") == "simulated" for one in sections)
+        simulated = any(section.facts.get("origin", {}).get("origin") == "simulated" for section in sections)
     document = Document(
         template="task.html.jinja",
         package=__package__,
@@ -95,5 +95,5 @@ def _in_place(page: ModuleType, files: TaskFiles) -> Iterator[Section]:
         if not section.template:
             lead = f"{section.name}_lead.html.jinja"
             lead = lead if (Path(str(page.__file__)).parent / lead).exists() else ""
-        its = templates.get_template(str(name))
-        yield replace(section, template=its, lead=templates.get_template(str(lead)) if lead else "")
+        template = templates.get_template(str(name))
+        yield replace(section, template=template, lead=templates.get_template(str(lead)) if lead else "")

@@ -27,7 +27,14 @@ from structlearn.reporting.findings import Findings
 from structlearn.rigid_body.compiled_dynamics import friction_rows, inverse_dynamics
 from structlearn.rigid_body.dynamics_models import DynamicsModels, predicted_torques, rigid_body_torques
 from structlearn.rigid_body.friction import FrictionTerm, friction_columns
-from structlearn.rigid_body.model_names import COULOMB, DEFAULT, GROUND_TRUTH, STRICT, in_order, model_name
+from structlearn.rigid_body.model_names import (
+    COULOMB,
+    DEFAULT,
+    GROUND_TRUTH,
+    STRICT,
+    model_name,
+    models_in_order,
+)
 from structlearn.rigid_body.motion import Motion
 from structlearn.rigid_body.regressor import link_parameters, torque_regressor
 from structlearn.rigid_body.robot import Robot, torque_differences
@@ -64,7 +71,7 @@ class DynamicsResults:
     A seed is the robot's, or in simulation that of a model's initial weights and of its goals.
     """
 
-    errors: pd.DataFrame  # of trainings, see `protocol.trainings.train`
+    errors: pd.DataFrame  # of trainings, see `protocol.trainings.train_all`
     outcomes: pd.DataFrame
     links: pd.DataFrame  # learned and true values, see `rigid_body.base_parameters`, with `model`, `form`
     base: pd.DataFrame
@@ -82,7 +89,7 @@ class DynamicsResults:
     @cached_property
     def kinds(self) -> list[str]:
         """Kinds of models that were trained, in table order."""
-        return in_order(self.outcomes["model"].str.removesuffix(COULOMB).unique())
+        return models_in_order(self.outcomes["model"].str.removesuffix(COULOMB).unique())
 
     @cached_property
     def strict(self) -> list[str]:
@@ -92,11 +99,11 @@ class DynamicsResults:
     @cached_property
     def robot_models(self) -> list[str]:
         """Models trained on robots' logs, in table order."""
-        return in_order(self.outcomes.loc[self.outcomes["arm"] == ROBOT, "model"].unique())
+        return models_in_order(self.outcomes.loc[self.outcomes["arm"] == ROBOT, "model"].unique())
 
     def tracked(self, arm: str) -> list[str]:
         """Models with tracking runs on an arm, in any form and in table order."""
-        return in_order(self.scores.loc[self.scores["robot"] == arm, "model"].unique())
+        return models_in_order(self.scores.loc[self.scores["robot"] == arm, "model"].unique())
 
     def outcome(self, arm: str, model: str, form: Form = PUBLISHED) -> pd.DataFrame:
         """Training outcomes of a model (`cov`, `cov_coulomb`) by seed; empty if it was not trained.
@@ -355,7 +362,7 @@ def _online(find: Findings, results: DynamicsResults) -> None:
     def final(model: str) -> pd.Series:
         return scores["final"].get(model, nothing)
 
-    find.mean("online_nmse", {model: final(model) for model in in_order(scores.index.unique("model"))})
+    find.mean("online_nmse", {model: final(model) for model in models_in_order(scores.index.unique("model"))})
     _ratios(find, "online_course", course, RIVALS[PUBLISHED], strict)
     _ratios(find, "online_final", final, RIVALS[PUBLISHED], strict)
     scaled = {"over the course": course, "after one pass": final}

@@ -29,7 +29,7 @@ from dissertation.evidence.studies import rests_on
 from structlearn.reporting.document import Source, Table
 from structlearn.reporting.findings import Findings
 from structlearn.reporting.prose import with_spread
-from structlearn.rigid_body.model_names import COULOMB, DEFAULT, GROUND_TRUTH, in_order, model_name
+from structlearn.rigid_body.model_names import COULOMB, DEFAULT, GROUND_TRUTH, model_name, models_in_order
 
 SOURCES = {
     "log": Source("data/runs/dynamics/perturbed.parquet", "dynamics_import_logs"),
@@ -152,7 +152,7 @@ def _scores(results: DynamicsResults, robot: str) -> Table:
     """Table III.1 or III.2: `model`, `source`, `epochs`, columns of `SCORES` as text, `stopped` runs."""
     printed = published()["simulation" if robot == IDEAL else "robot"]
     rows = []
-    for model in in_order({*results.tracked(robot), *printed}):
+    for model in models_in_order({*results.tracked(robot), *printed}):
         name, known = model_name(model), model in (GROUND_TRUTH, DEFAULT)
         if model in printed:
             row = dict(zip(published()["columns"], printed[model], strict=True))
@@ -213,7 +213,9 @@ def _counted(known: pd.Series, every: int) -> str:
 def _by_model(columns: Mapping[str, pd.Series], number_format: str = "") -> Table:
     """Table with one row per model, in table order."""
     frame = pd.DataFrame(columns)
-    frame = frame.loc[in_order(frame.index)].rename(index=model_name).rename_axis("model").reset_index()
+    frame = (
+        frame.loc[models_in_order(frame.index)].rename(index=model_name).rename_axis("model").reset_index()
+    )
     return Table(frame, dict.fromkeys(columns, number_format) if number_format else {})
 
 
@@ -277,7 +279,7 @@ def _robot_errors(results: DynamicsResults) -> Table:
     known_errors = results.known[results.known["seed"].isin(kept["seed"])]
     every = pd.concat([known_errors.assign(form=""), kept])
     joints = every.pivot_table("nmse", ["model", "form"], "joint").add_prefix("joint_")
-    known = [(model, "") for model in in_order(results.known["model"].unique())]
+    known = [(model, "") for model in models_in_order(results.known["model"].unique())]
     order = [key for key in (*known, *product(results.robot_models, FORM_TITLES)) if key in joints.index]
     frame = joints.assign(mean=joints.mean(axis=1)).loc[order].reset_index()
     words = {"model": frame["model"].map(model_name), "form": frame["form"].replace(FORM_TITLES).str.lower()}

@@ -15,12 +15,18 @@ from dissertation.dynamics.world.arm_motion import (
     SineParameters,
     first_posture,
     joint_feedback,
-    reaches,
+    random_reaches,
     reaching_controller,
     sine_controller,
     sine_path,
 )
-from dissertation.dynamics.world.controlled_arm import Feedback, ReferencePath, Run, SimulatedArm, run
+from dissertation.dynamics.world.controlled_arm import (
+    ControlledRun,
+    FeedbackGains,
+    ReferencePath,
+    SimulatedArm,
+    run_controller,
+)
 from dissertation.dynamics.world.operational_space import tool_motion
 from structlearn.core.parallel import parallel_map
 from structlearn.core.params import Parameters
@@ -69,7 +75,7 @@ class Testbed:
     reaching: ReachingParameters
 
     @property
-    def feedback(self) -> Feedback:
+    def feedback(self) -> FeedbackGains:
         """Joint feedback gains."""
         robot = self.arm.robot
         return joint_feedback(robot.tree, robot.inertias, self.motion.feedback)
@@ -90,7 +96,8 @@ def learned(
 ) -> list[Candidate]:
     """Learned models that met the criterion, one candidate per seed.
 
-    `read` returns the models of a form and name, in the order of this arm's outcomes of `trainings.train`.
+    `read` returns the models of a form and name, in the order of this arm's outcomes of
+    `trainings.train_all`.
     """
     return [
         Candidate(name, form, (row.seed,), compiled_model(read(form, name), place, testbed.arm.robot.tree))
@@ -104,7 +111,7 @@ def track(testbed: Testbed, candidates: Sequence[Candidate]) -> tuple[pd.DataFra
     """Track sines and reaches with every model.
 
     Errors are normalised by the variance of the reference: for sines per joint, then averaged; for reaches
-    over all axes together. A stopped run (see `controlled_arm.run`) has a reason instead of scores.
+    over all axes together. A stopped run (`controlled_arm.run_controller`) has a reason instead of scores.
 
     Returns:
         scores: one row per model, seed and task: `robot`, `model`, `form`, `seed`, `task` (`sine`, `reach`),
@@ -134,11 +141,13 @@ def _track_one(testbed: Testbed, candidate: Candidate) -> tuple[pd.DataFrame, li
     return pd.DataFrame(rows), paths
 
 
-def _follow_sines(testbed: Testbed, model: InverseDynamics) -> tuple[Run, ReferencePath, tuple[float, float]]:
+def _follow_sines(
+    testbed: Testbed, model: InverseDynamics
+) -> tuple[ControlledRun, ReferencePath, tuple[float, float]]:
     """Run of the sines, reference path of the joints, and NMSE of q and qd."""
     reference = sine_path(testbed.arm.robot.tree, testbed.motion)
     q, qd = reference.position, reference.velocity
-    moved = run(testbed.arm, sine_controller(model, reference, testbed.feedback), q[0], qd[0])
+    moved = run_controller(testbed.arm, sine_controller(model, reference, testbed.feedback), q[0], qd[0])
     position, velocity = (
         float(np.mean(_squared_error(moved, found, wanted) / wanted.var(axis=0)))
         for found, wanted in ((moved.q, q), (moved.qd, qd))
@@ -148,13 +157,13 @@ def _follow_sines(testbed: Testbed, model: InverseDynamics) -> tuple[Run, Refere
 
 def _reach(
     testbed: Testbed, model: InverseDynamics, seed: int
-) -> tuple[Run, ReferencePath, tuple[float, float]]:
+) -> tuple[ControlledRun, ReferencePath, tuple[float, float]]:
     """Run of the reaches, reference path of the tool, and NMSE of x and xd."""
     tree, parameters = testbed.arm.robot.tree, testbed.reaching
-    reference = reaches(tree, parameters, testbed.motion.rate_hz, seed)
+    reference = random_reaches(tree, parameters, testbed.motion.rate_hz, seed)
     posture = first_posture(tree, parameters)
     controller = reaching_controller(tree, model, reference, testbed.feedback, parameters)
-    moved = run(testbed.arm, controller, posture, np.zeros_like(posture))
+    moved = run_controller(testbed.arm, controller, posture, np.zeros_like(posture))
     x, xd = tool_motion(tree, parameters.tool_m, moved.q, moved.qd)
     position, velocity = (
         float(_squared_error(moved, found, wanted).sum() / wanted.var(axis=0).sum())
@@ -163,14 +172,16 @@ def _reach(
     return moved, reference, (position, velocity)
 
 
-def _squared_error(moved: Run, found: np.ndarray, wanted: np.ndarray) -> np.ndarray:
+def _squared_error(moved: ControlledRun, found: np.ndarray, wanted: np.ndarray) -> np.ndarray:
     """Mean squared error per column; NaN if the run was stopped."""
     if moved.stopped:
         return np.full(wanted.shape[1], np.nan)
     return np.mean((found - wanted) ** 2, axis=0)
 
 
-def _path(testbed: Testbed, keys: dict[str, str], moved: Run, reference: ReferencePath) -> pd.DataFrame:
+def _path(
+    testbed: Testbed, keys: dict[str, str], moved: ControlledRun, reference: ReferencePath
+) -> pd.DataFrame:
     """Thinned tool and joint path of a run, with the tool's reference (from the joints' for sines)."""
     tree, rate_hz, tool_m = testbed.arm.robot.tree, testbed.motion.rate_hz, testbed.reaching.tool_m
     every = max(1, round(rate_hz / SHOWN_RATE_HZ))

@@ -23,11 +23,11 @@ from structlearn.networks.torch_settings import AdamParameters, one_thread, seed
 from structlearn.rigid_body.dynamics_models import DynamicsModels
 from structlearn.rigid_body.dynamics_training import (
     Kind,
-    Learned,
     LearningParameters,
     Loss,
+    TrainedModels,
     TrainingData,
-    error_table,
+    epoch_errors,
     learn_in_epochs,
     learn_online,
     learner,
@@ -140,7 +140,7 @@ def trainings(robots: Sequence[int], parameters: DynamicsTrainingParameters) -> 
     return found
 
 
-def train(
+def train_all(
     work: Sequence[Training],
     motions: Mapping[str, Motion],
     tree: KinematicTree,
@@ -166,14 +166,14 @@ def train(
         groups.setdefault((where, training.friction, own), []).append(training)
     together = sorted(groups.values(), key=lambda group: group[0].kind != "delan")
     run = partial(_train_together, motions=motions, tree=tree, parameters=parameters)
-    results: dict[Training, Learned] = {}
+    results: dict[Training, TrainedModels] = {}
     for group, found in zip(together, parallel_map(run, together, "dynamics models"), strict=True):
         results |= dict(zip(group, found, strict=True))
     models, errors, outcomes = {}, [], []
     for training in work:
         learned = results[training]
         keys = {"arm": training.arm, "model": training.model, "form": training.form}
-        table = error_table(learned.nmse, "epoch")
+        table = epoch_errors(learned.nmse, "epoch")
         errors.append(table.assign(seed=np.array(training.seeds)[table["seed"]], **keys))
         outcomes.append(_outcomes(learned, training, parameters.learning.threshold).assign(**keys))
         models[training.file] = DynamicsModels(
@@ -186,7 +186,7 @@ def train(
     return models, pd.concat(errors, ignore_index=True), pd.concat(outcomes, ignore_index=True)
 
 
-def scores(outcomes: pd.DataFrame, limit: int) -> Metrics:
+def optimiser_scores(outcomes: pd.DataFrame, limit: int) -> Metrics:
     """Scores in simulation by which our optimiser is chosen, by kind of model.
 
     `epochs_...`: mean over seeds of the epochs to the criterion, or `limit` if it was not met; `worst_...`:
@@ -224,7 +224,7 @@ def _once_through(
     with one_thread():
         for kind, loss in product(kinds, parameters.losses):
             models = learner(kind, data, loss, parameters.seeds, learning)
-            table = error_table(learn_online(models, parameters.stride), "batch")
+            table = epoch_errors(learn_online(models, parameters.stride), "batch")
             tables.append(table.assign(model=kind, loss=loss, seed=seeds[table["seed"]]))
     return pd.concat(tables, ignore_index=True)
 
@@ -234,7 +234,7 @@ def _train_together(
     motions: Mapping[str, Motion],
     tree: KinematicTree,
     parameters: DynamicsTrainingParameters,
-) -> list[Learned]:
+) -> list[TrainedModels]:
     first, terms = work[0], FRICTIONS[work[0].friction]
     with one_thread():
         if first.kind not in STACKED or first.arm != ROBOT:
@@ -250,7 +250,9 @@ def _train_together(
         return [learned.part(place) for place in range(len(work))]
 
 
-def _train_one(training: Training, data: TrainingData, parameters: DynamicsTrainingParameters) -> Learned:
+def _train_one(
+    training: Training, data: TrainingData, parameters: DynamicsTrainingParameters
+) -> TrainedModels:
     learning = parameters.of(training.form)
     models = learner(training.kind, data, LOSSES[training.form], training.seeds, learning)
     if training.arm == ROBOT:
@@ -262,7 +264,7 @@ def _train_one(training: Training, data: TrainingData, parameters: DynamicsTrain
     )
 
 
-def _outcomes(learned: Learned, training: Training, threshold: float) -> pd.DataFrame:
+def _outcomes(learned: TrainedModels, training: Training, threshold: float) -> pd.DataFrame:
     """Outcome of each model, one row each, with the errors at the epoch at which it was kept."""
     good = learned.nmse[1:] <= threshold
     first, first_but_last = (

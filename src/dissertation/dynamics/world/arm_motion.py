@@ -13,15 +13,15 @@ from typing import Literal
 import numpy as np
 from pydantic import Field, model_validator
 
-from dissertation.dynamics.world.controlled_arm import Controller, Feedback, ReferencePath
+from dissertation.dynamics.world.controlled_arm import ControlArguments, FeedbackGains, ReferencePath
 from dissertation.dynamics.world.operational_space import (
     VelocityControl,
     VelocityControlParameters,
     tool_motion,
 )
-from structlearn.core import minimum_jerk
 from structlearn.core.errors import InputError
 from structlearn.core.params import Parameters
+from structlearn.core.signals import minimum_jerk, minimum_jerk_rate
 from structlearn.rigid_body.compiled_dynamics import InverseDynamics, inverse_dynamics
 from structlearn.rigid_body.tree import KinematicTree, LinkInertias
 
@@ -83,14 +83,16 @@ def joint_range(tree: KinematicTree) -> tuple[np.ndarray, np.ndarray]:
     return 0.5 * (lower + upper), 0.5 * (upper - lower)
 
 
-def joint_feedback(tree: KinematicTree, inertias: LinkInertias, parameters: FeedbackParameters) -> Feedback:
+def joint_feedback(
+    tree: KinematicTree, inertias: LinkInertias, parameters: FeedbackParameters
+) -> FeedbackGains:
     """Feedback gains for the inertias of an arm's URDF. Raises InputError for too few stiffnesses."""
     stiffness = of_joints("stiffness_n_m_rad", parameters.stiffness_n_m_rad, tree)
     middle, zero = joint_range(tree)[0], np.zeros(len(stiffness))
     torques = inverse_dynamics(tree, inertias)
     weight = torques(middle, zero, zero)
     carried = np.array([(torques(middle, zero, unit) - weight) @ unit for unit in np.eye(len(zero))])
-    return Feedback(stiffness, 2.0 * parameters.damping_ratio * np.sqrt(stiffness * carried))
+    return FeedbackGains(stiffness, 2.0 * parameters.damping_ratio * np.sqrt(stiffness * carried))
 
 
 def of_joints(key: str, values: tuple[float, ...], tree: KinematicTree) -> np.ndarray:
@@ -122,10 +124,12 @@ def sine_path(tree: KinematicTree, parameters: SineParameters) -> ReferencePath:
     return ReferencePath(middle + swing, amplitude * frequency * np.cos(phase), -(frequency**2) * swing)
 
 
-def sine_controller(model: InverseDynamics, reference: ReferencePath, feedback: Feedback) -> Controller:
+def sine_controller(
+    model: InverseDynamics, reference: ReferencePath, feedback: FeedbackGains
+) -> ControlArguments:
     """Controller of the law in the module's docstring."""
     nothing = VelocityControl(np.zeros(3), np.zeros(len(feedback.damping)), 0.0, 0.0)
-    return Controller(model, reference, feedback, of_tool=False, tool=nothing)
+    return ControlArguments(model, reference, feedback, of_tool=False, tool=nothing)
 
 
 class ReachingParameters(Parameters):
@@ -149,7 +153,9 @@ def first_posture(tree: KinematicTree, parameters: ReachingParameters) -> np.nda
     return middle + shares * half
 
 
-def reaches(tree: KinematicTree, parameters: ReachingParameters, rate_hz: float, seed: int) -> ReferencePath:
+def random_reaches(
+    tree: KinematicTree, parameters: ReachingParameters, rate_hz: float, seed: int
+) -> ReferencePath:
     """Minimum-jerk reaches of the tool to random goals in sequence; the seed determines the goals."""
     rng = np.random.default_rng(seed)
     posture = first_posture(tree, parameters)[None]
@@ -161,8 +167,8 @@ def reaches(tree: KinematicTree, parameters: ReachingParameters, rate_hz: float,
     bend = 60.0 * s * (1.0 - s) * (1.0 - 2.0 * s)  # second derivative of the minimum-jerk progress
     step = np.diff(corners, axis=0)[:, None]  # (goals, 1, 3)
     parts = (
-        corners[:-1, None] + step * minimum_jerk.progress(s),
-        step * minimum_jerk.rate(s) / parameters.move_s,
+        corners[:-1, None] + step * minimum_jerk(s),
+        step * minimum_jerk_rate(s) / parameters.move_s,
         step * bend / parameters.move_s**2,
     )
     return ReferencePath(*(np.ascontiguousarray(part.reshape(-1, 3)) for part in parts))
@@ -172,13 +178,13 @@ def reaching_controller(
     tree: KinematicTree,
     model: InverseDynamics,
     reference: ReferencePath,
-    feedback: Feedback,
+    feedback: FeedbackGains,
     parameters: ReachingParameters,
-) -> Controller:
+) -> ControlArguments:
     """Velocity-based operational-space controller along a tool reference, with a model of the arm.
 
     Of the joint feedback only the damping is used.
     """
     gains, tool = parameters.control, np.array(parameters.tool_m)
     control = VelocityControl(tool, first_posture(tree, parameters), gains.tool_1_s, gains.posture_1_s)
-    return Controller(model, reference, feedback, of_tool=True, tool=control)
+    return ControlArguments(model, reference, feedback, of_tool=True, tool=control)

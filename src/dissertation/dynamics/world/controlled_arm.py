@@ -10,9 +10,9 @@ import numpy as np
 
 from dissertation.dynamics.world.operational_space import VelocityControl, joint_reference
 from dissertation.simulation.arm import Mechanics, Payload, carrying
-from dissertation.simulation.compiled_arm import step
+from dissertation.simulation.compiled_arm import step_arm
+from dissertation.simulation.compiled_chain import ChainState, dynamics, workspace
 from structlearn.core.compilation import compiled_inside, numba
-from structlearn.rigid_body.compiled_chain import Workspace, dynamics, workspace
 from structlearn.rigid_body.compiled_dynamics import InverseDynamics, model_torques
 from structlearn.rigid_body.robot import Robot
 from structlearn.rigid_body.tree import RobotArrays, robot_arrays
@@ -30,19 +30,19 @@ class ReferencePath(NamedTuple):
     acceleration: np.ndarray  # likewise, per s^2
 
 
-class Feedback(NamedTuple):
+class FeedbackGains(NamedTuple):
     """Joint feedback gains."""
 
     stiffness: np.ndarray  # (n,) N m/rad, for joint paths only
     damping: np.ndarray  # (n,) N m s/rad
 
 
-class Controller(NamedTuple):
+class ControlArguments(NamedTuple):
     """Arguments of a control tick, see `arm_motion.sine_controller` and `reaching_controller`."""
 
     model: InverseDynamics
     path: ReferencePath
-    feedback: Feedback
+    feedback: FeedbackGains
     of_tool: bool  # whether the path is of the tool
     tool: VelocityControl  # for tool paths
 
@@ -59,7 +59,7 @@ class SimulatedArm:
 
 
 @dataclass(frozen=True)
-class Run:
+class ControlledRun:
     """Motion of a controlled arm; shorter than its reference if it was stopped."""
 
     q: np.ndarray  # (T, n) rad
@@ -68,9 +68,9 @@ class Run:
     stopped: str | None  # reason; None if it was not stopped
 
 
-def run(
-    arm: SimulatedArm, controller: Controller, q: np.ndarray, qd: np.ndarray, pybullet: bool = False
-) -> Run:
+def run_controller(
+    arm: SimulatedArm, controller: ControlArguments, q: np.ndarray, qd: np.ndarray, pybullet: bool = False
+) -> ControlledRun:
     """Run a controller along its path from a state (n,), until it ends or the arm is stopped.
 
     Stops as a robot's safety controller would: if a joint exceeds `OVERSPEED` times its velocity limit or
@@ -87,7 +87,7 @@ def run(
     )  # fmt: skip
     move = _in_pybullet if pybullet else _in_loop
     end, fault = move(arm, controller, drives, log)
-    return Run(log.q[:end], log.qd[:end], log.torques[:end], _FAULTS[fault] or None)
+    return ControlledRun(log.q[:end], log.qd[:end], log.torques[:end], _FAULTS[fault] or None)
 
 
 class _Drives(NamedTuple):
@@ -112,7 +112,7 @@ class _Log(NamedTuple):
     torques: np.ndarray
 
 
-def _in_loop(arm: SimulatedArm, controller: Controller, drives: _Drives, log: _Log) -> tuple[int, int]:
+def _in_loop(arm: SimulatedArm, controller: ControlArguments, drives: _Drives, log: _Log) -> tuple[int, int]:
     """Number of ticks run, and index in `_FAULTS` of what stopped it."""
     tree, inertias = arm.robot.tree, arm.mechanics.inertias
     free = robot_arrays(tree, inertias)
@@ -124,7 +124,7 @@ def _in_loop(arm: SimulatedArm, controller: Controller, drives: _Drives, log: _L
 
 @numba.njit(cache=True)
 def _loop(
-    controller: Controller,
+    controller: ControlArguments,
     drives: _Drives,
     free: RobotArrays,
     loaded: RobotArrays,
@@ -132,7 +132,7 @@ def _loop(
     coulomb: np.ndarray,
     dt: float,
     log: _Log,
-    work: Workspace,
+    work: ChainState,
 ) -> tuple[int, int]:
     for k in range(len(log.torques)):
         own = free if k < take_at else loaded
@@ -143,11 +143,13 @@ def _loop(
         q, qd = log.q[k + 1], log.qd[k + 1]
         for i in range(len(q)):
             q[i], qd[i] = log.q[k, i], log.qd[k, i]
-        step(coulomb, torques, dt, work, q, qd)
+        step_arm(coulomb, torques, dt, work, q, qd)
     return len(log.torques), 0
 
 
-def _in_pybullet(arm: SimulatedArm, controller: Controller, drives: _Drives, log: _Log) -> tuple[int, int]:
+def _in_pybullet(
+    arm: SimulatedArm, controller: ControlArguments, drives: _Drives, log: _Log
+) -> tuple[int, int]:
     """As `_in_loop`, with PyBullet's dynamics."""
     from dissertation.simulation.bullet_arm import BulletArm  # reports and views work without PyBullet
 
@@ -168,7 +170,7 @@ def _in_pybullet(arm: SimulatedArm, controller: Controller, drives: _Drives, log
 
 @numba.njit(cache=True)
 def _tick(
-    controller: Controller, drives: _Drives, own: RobotArrays, work: Workspace, k: int, log: _Log
+    controller: ControlArguments, drives: _Drives, own: RobotArrays, work: ChainState, k: int, log: _Log
 ) -> tuple[int, np.ndarray]:
     """Check the state, compute and log the command; return the fault and the joint torques (n,).
 
@@ -195,7 +197,7 @@ def _tick(
 
 @compiled_inside
 def _command(
-    controller: Controller, own: RobotArrays, work: Workspace, k: int, q: np.ndarray, qd: np.ndarray
+    controller: ControlArguments, own: RobotArrays, work: ChainState, k: int, q: np.ndarray, qd: np.ndarray
 ) -> np.ndarray:
     """Command (n,) N m by the laws in the docstrings of `arm_motion` and `operational_space`."""
     path, feedback = controller.path, controller.feedback

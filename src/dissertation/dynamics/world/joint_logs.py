@@ -25,7 +25,7 @@ from dissertation.dynamics.world.arm_motion import (
     sine_controller,
     sine_path,
 )
-from dissertation.dynamics.world.controlled_arm import SimulatedArm, run
+from dissertation.dynamics.world.controlled_arm import SimulatedArm, run_controller
 from dissertation.simulation.arm import Mechanics, Payload, ideal
 from structlearn.core.errors import InputError
 from structlearn.core.params import Parameters
@@ -132,7 +132,7 @@ def _sine_log(
     feedback = joint_feedback(robot.tree, robot.inertias, motion.feedback)
     model = inverse_dynamics(robot.tree, robot.inertias)
     controller = sine_controller(model, reference, feedback)
-    moved = run(arm, controller, reference.position[0], reference.velocity[0], pybullet)
+    moved = run_controller(arm, controller, reference.position[0], reference.velocity[0], pybullet)
     if moved.stopped:
         raise InputError(
             f"simulated {name}: stopped after {len(moved.q) / motion.rate_hz:.3g} s: {moved.stopped}; "

@@ -8,7 +8,7 @@ tool gives a joint velocity and, differentiated, a joint acceleration, and inver
     tau = f_ID(q, qd, qdd_r) + D (qd_r - qd)
 
 D is the robot's joint damping, the same for all models. The scraping robot has a force-based controller,
-`testbeds.scraping.world.operational_space`.
+`dissertation.scraping.world.operational_space`.
 """
 
 from collections.abc import Sequence
@@ -17,9 +17,9 @@ from typing import NamedTuple
 import numpy as np
 from pydantic import Field
 
+from dissertation.simulation.compiled_chain import ChainState, factorise, kinematics, solve, workspace
 from structlearn.core.compilation import compiled_inside, cross, numba
 from structlearn.core.params import Parameters
-from structlearn.rigid_body.compiled_chain import Workspace, factorise, kinematics, solve, workspace
 from structlearn.rigid_body.tree import KinematicTree, LinkInertias, RobotArrays, robot_arrays
 
 DAMPING = 1e-6  # m^2; keeps the Jacobian's pseudo-inverse finite when the arm is stretched out
@@ -45,7 +45,7 @@ class VelocityControl(NamedTuple):
 def joint_reference(
     control: VelocityControl,
     robot: RobotArrays,
-    work: Workspace,
+    work: ChainState,
     q: np.ndarray,
     qd: np.ndarray,
     x_wanted: np.ndarray,
@@ -103,7 +103,7 @@ def tool_motion(
 @numba.njit(cache=True)
 def _tool_motion(
     robot: RobotArrays,
-    work: Workspace,
+    work: ChainState,
     tool_m: np.ndarray,
     q: np.ndarray,
     qd: np.ndarray,
@@ -122,7 +122,7 @@ def _tool_motion(
 
 
 @compiled_inside
-def _point(work: Workspace, tool_m: np.ndarray) -> np.ndarray:
+def _point(work: ChainState, tool_m: np.ndarray) -> np.ndarray:
     """Position (3,) of a point of the last link in the base frame."""
     point = work.place[-1].copy()
     for row in range(3):
@@ -132,7 +132,7 @@ def _point(work: Workspace, tool_m: np.ndarray) -> np.ndarray:
 
 
 @compiled_inside
-def _jacobian(robot: RobotArrays, work: Workspace, point: np.ndarray) -> np.ndarray:
+def _jacobian(robot: RobotArrays, work: ChainState, point: np.ndarray) -> np.ndarray:
     """Jacobian (3, n) of the velocity of a point of the last link."""
     jacobian = np.zeros((3, len(work.screw)))
     joint = len(work.screw) - 1
@@ -146,7 +146,7 @@ def _jacobian(robot: RobotArrays, work: Workspace, point: np.ndarray) -> np.ndar
 
 
 @compiled_inside
-def _bias(robot: RobotArrays, work: Workspace, point: np.ndarray, velocity: np.ndarray) -> np.ndarray:
+def _bias(robot: RobotArrays, work: ChainState, point: np.ndarray, velocity: np.ndarray) -> np.ndarray:
     """Bias Jd qd (3,): acceleration of a point of the last link at qdd = 0."""
     acceleration = work.bias_acceleration[-1]  # spatial acceleration, with gravity as an upward acceleration
     pull, inward = cross(acceleration, point), cross(work.twist[-1], velocity)

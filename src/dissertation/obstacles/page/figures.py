@@ -19,7 +19,7 @@ from dissertation.obstacles.names import (
     KINDS,
     SITUATIONS,
     SOURCES,
-    model_name,
+    fitted_name,
 )
 from dissertation.obstacles.page.findings import (
     AS_PUBLISHED,
@@ -194,7 +194,7 @@ def _unseen_panel(results: ObstacleResults, source: str) -> Figure:
     paths = [to_local(_reach(results, key, ENSEMBLE, source).position[::2], results.baseline) for key in keys]
     curves = [Curve(path, SOURCES[source].colour, THIN) for path in paths]
     curves += _curves(results, _reach(results, keys[0]), BLACK, KINDS[NO_MODEL].name)
-    return two_views(capitalised(model_name(ENSEMBLE, source)), outlines, curves)
+    return two_views(capitalised(fitted_name(ENSEMBLE, source)), outlines, curves)
 
 
 def _beyond_panel(results: ObstacleResults, protocol: str) -> Figure:
@@ -205,7 +205,7 @@ def _beyond_panel(results: ObstacleResults, protocol: str) -> Figure:
     key = SituationKey(protocol, situation.obstacle, number, speed)
     avoiding = _reach(results, key, ENSEMBLE, ALL)
     curves = _curves(results, _reach(results, key), BLACK, KINDS[NO_MODEL].name)
-    curves += _curves(results, avoiding, SOURCES[ALL].colour, model_name(ENSEMBLE, ALL))
+    curves += _curves(results, avoiding, SOURCES[ALL].colour, fitted_name(ENSEMBLE, ALL))
     times = np.linspace(0.0, duration, MOMENTS) if protocol == MOVING else [duration]
     outlines = []
     for count, time in enumerate(times, start=1):
@@ -370,7 +370,7 @@ def distances_panel(results: ObstacleResults, protocol: str) -> Figure:
     panel.grid(axis="y", visible=False)
     panel.set(title=f"{SITUATIONS[protocol].capitalize()} ({len(scored)})", xlim=(-1.1, FARTHEST + 1.2))
     panel.set(xlabel="closest distance (radii)", ylim=(len(pairs) - 0.4, -1.4))
-    panel.set_yticks(range(len(pairs)), [model_name(*pair) for pair in pairs])
+    panel.set_yticks(range(len(pairs)), [fitted_name(*pair) for pair in pairs])
     return figure
 
 

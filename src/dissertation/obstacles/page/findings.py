@@ -67,10 +67,11 @@ def read_published() -> Mapping[str, Any]:
 class ObstacleResults:
     """Outputs of the testbed's stages, with selections from them."""
 
-    scores: pd.DataFrame  # of every unroll, see `avoidance_protocols.evaluate`
-    paths: pd.DataFrame  # shown person's unrolls with limits at the goal, see `avoidance_protocols.evaluate`
+    scores: pd.DataFrame  # of every unroll, see `avoidance_protocols.evaluate_avoidance`
+    # shown person's unrolls with limits at the goal, see `avoidance_protocols.evaluate_avoidance`
+    paths: pd.DataFrame
     demonstration_scores: pd.DataFrame  # of all people, see `avoidance_scores.demonstration_scores`
-    errors: pd.DataFrame  # of the models, see `avoidance_fits.learn`
+    errors: pd.DataFrame  # of the models, see `avoidance_fits.learn_avoidance`
     baselines: Mapping[int, PositionPrimitive]  # reaches without obstacle, by person
     scenarios: Sequence[Scenario]  # of the demonstrations, in order
     demonstrations: Mapping[str, Sequence[Demonstration]]  # shown person's in `example_setting`, by shape
@@ -188,7 +189,7 @@ def _of_model(
 
 
 def reaches_by_person(scores: pd.DataFrame, farthest_m: float) -> pd.DataFrame:
-    """Sums and extremes of `avoidance_protocols.evaluate` over each person's reaches with each model.
+    """Sums and extremes of `avoidance_protocols.evaluate_avoidance` over each person's reaches by model.
 
     Columns: `person`, `MODEL`; numbers of `reaches`, `hits` and reaches ending `far`, i.e. more than
     `farthest_m` from the goal; largest distances from the goal in m; means of `detour_m` and `restrained`.

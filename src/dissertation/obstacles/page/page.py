@@ -13,7 +13,7 @@ from dissertation.evidence.claims import judge, read_claims
 from dissertation.evidence.judged_page import JudgedDocument
 from dissertation.evidence.studies import extended, rests_on
 from dissertation.obstacles import files
-from dissertation.obstacles.names import DEMONSTRATIONS, KINDS, RULES, SITUATIONS, SOURCES, model_name
+from dissertation.obstacles.names import DEMONSTRATIONS, KINDS, RULES, SITUATIONS, SOURCES, fitted_name
 from dissertation.obstacles.page.findings import (
     AS_PUBLISHED,
     EVERY,
@@ -197,7 +197,7 @@ def unseen(results: ObstacleResults, printed: Mapping[str, Row]) -> pd.DataFrame
     models = [(NO_MODEL, ""), *((kind, shape) for shape in SHAPES for kind in (NETWORK, ENSEMBLE))]
     for kind, source in models:
         row = None if kind == ENSEMBLE else printed[source or NO_MODEL]
-        rows += _compared(results, {"model": model_name(kind, source)}, row, UNSEEN, kind, source)
+        rows += _compared(results, {"model": fitted_name(kind, source)}, row, UNSEEN, kind, source)
     return _in_order(rows)
 
 
@@ -241,7 +241,7 @@ def all_shapes(results: ObstacleResults) -> pd.DataFrame:
         source = ALL if every else shape
         scored = results.rows(TRAINED, kind, source, obstacle=shape)
         if len(scored):
-            row = {"obstacle": shape, "model": model_name(kind, source)}
+            row = {"obstacle": shape, "model": fitted_name(kind, source)}
             row |= results.fit(kind, source, shape)[["nmse_x", "nmse_y", "nmse_z"]].mean().to_dict()
             rows.append(row | summary(scored))
     columns = ["obstacle", "model", "nmse_x", "nmse_y", "nmse_z", "hits", "obstacle_min", "goal_max"]
@@ -252,7 +252,7 @@ def hits(results: ObstacleResults) -> pd.DataFrame:
     """Hits with limits at the goal by model and situation on the grid of spheres; mean detours in m."""
     rows = []
     for kind, source in results.contenders:
-        row: Row = {"model": model_name(kind, source)}
+        row: Row = {"model": fitted_name(kind, source)}
         beyond = [protocol for protocol in SITUATIONS if protocol != TRAINED]
         every = {protocol: results.rows(protocol, kind, source) for protocol in beyond}
         for protocol, its in every.items():
@@ -265,7 +265,7 @@ def hits(results: ObstacleResults) -> pd.DataFrame:
 
 
 def summary(rows: pd.DataFrame) -> Row:
-    """Extremes and means over scenarios of `avoidance_scores.scores` or `demonstration_scores`."""
+    """Extremes and means over scenarios of `avoidance_scores.unroll_scores` or `demonstration_scores`."""
     goal, obstacle = rows["goal_distance_m"], rows["obstacle_distance"]
     row: Row = {"goal_max": goal.max(), "goal_mean": goal.mean(), "hits": int(rows["hit"].sum())}
     row |= {"obstacle_min": obstacle.min(), "obstacle_mean": obstacle.mean()}

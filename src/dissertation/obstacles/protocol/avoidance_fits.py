@@ -28,8 +28,8 @@ from structlearn.avoidance.learned_models import (
     train_phase_modulated,
 )
 from structlearn.avoidance.network_training import (
+    AvoidanceNetworkParameters,
     EnsembleParameters,
-    NetworkParameters,
     SplitParameters,
     fit_errors,
     fit_human_inspired_models,
@@ -50,8 +50,8 @@ class AvoidanceTrainingParameters(Parameters):
     """Training of the avoidance models."""
 
     split: SplitParameters
-    per_setting: NetworkParameters
-    across_settings: NetworkParameters
+    per_setting: AvoidanceNetworkParameters
+    across_settings: AvoidanceNetworkParameters
     ensemble: EnsembleParameters
     phase_modulated: TrainingParameters
     phase_modulated_hidden: tuple[PositiveInt, ...]
@@ -71,7 +71,7 @@ class _TrainingSet(NamedTuple):
     test: np.ndarray  # (S,) mask of held-out samples
 
 
-def learn(
+def learn_avoidance(
     datasets: Mapping[int, AvoidanceDataset],
     scenarios: Sequence[Scenario],
     parameters: AvoidanceTrainingParameters,

@@ -15,10 +15,10 @@ import numpy as np
 import pandas as pd
 from pydantic import Field, PositiveInt, model_validator
 
-from dissertation.obstacles.protocol.avoidance_scores import LATE_FACTOR, scores
+from dissertation.obstacles.protocol.avoidance_scores import LATE_FACTOR, unroll_scores
 from dissertation.obstacles.world.scenarios import UNSEEN_RADIUS_M, Scenario, unseen_centres
 from structlearn.avoidance.avoidance_dataset import baseline_axes, to_local
-from structlearn.avoidance.avoiding_unroll import AvoidancePaths, GoalChange, no_coupling, unroll
+from structlearn.avoidance.avoiding_unroll import AvoidancePaths, GoalChange, no_coupling, unroll_avoiding
 from structlearn.avoidance.features import CouplingModel
 from structlearn.avoidance.learned_models import ALL, SETTING, AvoidanceModels
 from structlearn.avoidance.postprocessing import PUBLISHED_ONLY, PostprocessingParameters
@@ -120,15 +120,15 @@ def situations(
     """Situations of all protocols; the trained ones are split by shape."""
     shapes = [shape for shape in SHAPES if any(scenario.shape == shape for scenario in scenarios)]
     return [
-        *(trained(scenarios, shape, baseline, cloud_count) for shape in shapes),
-        unseen(baseline),
+        *(trained_scenarios(scenarios, shape, baseline, cloud_count) for shape in shapes),
+        unseen_scenarios(baseline),
         moving(baseline, parameters),
         pairs(baseline, parameters),
         goal_change(baseline, parameters),
     ]
 
 
-def trained(
+def trained_scenarios(
     scenarios: Sequence[Scenario], shape: Shape, baseline: PositionPrimitive, cloud_count: int = CLOUD_COUNT
 ) -> Situations:
     """The demonstrated scenarios of one shape."""
@@ -139,7 +139,7 @@ def trained(
     return Situations(TRAINED, shape, numbers, (obstacles,), np.zeros(len(places)), places)
 
 
-def unseen(baseline: PositionPrimitive) -> Situations:
+def unseen_scenarios(baseline: PositionPrimitive) -> Situations:
     """The grid of unseen spheres around the baseline (IV.8.7)."""
     centres = unseen_centres(baseline.start, baseline.goal)
     clouds = to_local(ringed_sphere(centres, UNSEEN_RADIUS_M), baseline)
@@ -150,7 +150,7 @@ def unseen(baseline: PositionPrimitive) -> Situations:
 
 def moving(baseline: PositionPrimitive, parameters: AvoidanceEvaluationParameters) -> Situations:
     """Spheres that cross the reach when the baseline is closest; even numbers move to the left."""
-    grid = unseen(baseline)
+    grid = unseen_scenarios(baseline)
     spheres = grid.obstacles[0]
     path = baseline.unroll(1.0 / parameters.rate_hz)
     way = np.linalg.norm(to_local(path.position, baseline) - spheres.centre[:, None], axis=-1)
@@ -168,7 +168,7 @@ def moving(baseline: PositionPrimitive, parameters: AvoidanceEvaluationParameter
 
 def pairs(baseline: PositionPrimitive, parameters: AvoidanceEvaluationParameters) -> Situations:
     """Random pairs of spheres of the grid, at least `PAIR_SPACING_M` apart along the reach."""
-    spheres = unseen(baseline).obstacles[0]
+    spheres = unseen_scenarios(baseline).obstacles[0]
     along = spheres.centre[:, 0]
     first, second = np.nonzero(along[None] - along[:, None] >= PAIR_SPACING_M)
     rng = np.random.default_rng(parameters.pair_seed)
@@ -181,7 +181,7 @@ def goal_change(baseline: PositionPrimitive, parameters: AvoidanceEvaluationPara
     """The grid of spheres, with a goal that moves during the reach."""
     shift = baseline_axes(baseline) @ np.array(parameters.goal_shift_m)
     change = GoalChange(parameters.goal_change_s, baseline.goal + shift)
-    return replace(unseen(baseline), protocol=GOAL_CHANGE, goal_change=change)
+    return replace(unseen_scenarios(baseline), protocol=GOAL_CHANGE, goal_change=change)
 
 
 def contenders(learner: Learner, situation: Situations) -> Iterator[Contender]:
@@ -202,12 +202,12 @@ def contenders(learner: Learner, situation: Situations) -> Iterator[Contender]:
         yield from (Contender(kind, name, found[name], every) for name in (*shapes, ALL) if name in found)
 
 
-def evaluate(
+def evaluate_avoidance(
     work: tuple[Learner, Situations], parameters: AvoidanceEvaluationParameters, with_paths_of: int
 ) -> tuple[pd.DataFrame, pd.DataFrame]:
     """Unroll all contenders; for trained and unseen obstacles with both kinds of rules.
 
-    Returns the columns of `avoidance_scores.scores` by `person`, `protocol`, `rules`, `model`,
+    Returns the columns of `avoidance_scores.unroll_scores` by `person`, `protocol`, `rules`, `model`,
     `learned_from`, `obstacle`, `scenario` (number) and `speed_m_s`; and the paths with rules `limited` of the
     person `with_paths_of`: the same keys without person and rules, `time_s`, positions `x_m`, ... in the base
     frame, and applied coupling terms `coupling_x`, ... in the local frame, m.
@@ -226,7 +226,7 @@ def evaluate(
             found = bare  # the same for all rules
             if contender.model != NO_MODEL:
                 found = unrolled(its, contender.coupling, learner.baseline, parameters, postprocessing)
-            scored = scores(found, its.obstacles, bare.path.position[contender.rows])
+            scored = unroll_scores(found, its.obstacles, bare.path.position[contender.rows])
             tables.append(pd.concat([keys.assign(person=learner.person, rules=name), scored], axis=1))
             if name == LIMITED and learner.person == with_paths_of:
                 paths.append(_path_table(keys, found, parameters.kept_every))
@@ -242,7 +242,7 @@ def unrolled(
 ) -> AvoidancePaths:
     """All reaches of a situation with one coupling model, over `LATE_FACTOR` durations."""
     obstacles, dt, change = situation.obstacles, 1.0 / parameters.rate_hz, situation.goal_change
-    return unroll(
+    return unroll_avoiding(
         baseline, coupling, obstacles, dt, postprocessing, until_factor=LATE_FACTOR, goal_change=change
     )
 

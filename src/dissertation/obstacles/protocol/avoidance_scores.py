@@ -18,9 +18,9 @@ from dissertation.obstacles.world.scenarios import Scenario, SceneParameters, sc
 from structlearn.avoidance.avoidance_dataset import (
     AvoidanceDataParameters,
     avoidance_dataset,
+    avoidance_table,
     fit_baseline,
     to_local,
-    to_table,
 )
 from structlearn.avoidance.avoiding_unroll import AvoidancePaths
 from structlearn.avoidance.features import closest_distance
@@ -54,7 +54,7 @@ def closest_approaches(
     return np.min(unitless, axis=0), np.min(clearance, axis=0)
 
 
-def scores(paths: AvoidancePaths, obstacles: Sequence[CloudBatch], bare: np.ndarray) -> pd.DataFrame:
+def unroll_scores(paths: AvoidancePaths, obstacles: Sequence[CloudBatch], bare: np.ndarray) -> pd.DataFrame:
     """Scores of a batch of unrolls, one row per scenario.
 
     Over the prescribed duration: `obstacle_distance` (closest, unitless), `hit`, `clearance_m` (closest to
@@ -95,7 +95,7 @@ def person_data(
     person: AvoiderParameters,
     parameters: AvoidanceDataParameters,
 ) -> tuple[PositionPrimitive, pd.DataFrame, pd.DataFrame]:
-    """Baseline, samples (`avoidance_dataset.to_table`) and `demonstration_scores` of one person.
+    """Baseline, samples (`avoidance_dataset.avoidance_table`) and `demonstration_scores` of one person.
 
     `recorded` is the folder with the runs of `person`; other seeds are simulated. Tables have a column
     `person`.
@@ -109,7 +109,7 @@ def person_data(
         unhindered, *sets = [demonstrations(place, scene, other) for place in [None, *places]]
     baseline = fit_baseline(unhindered, parameters)
     pairs = zip((place.obstacle for place in places), sets, strict=True)
-    samples = to_table(avoidance_dataset(pairs, baseline, parameters))
+    samples = avoidance_table(avoidance_dataset(pairs, baseline, parameters))
     scored = demonstration_scores(sets, places, baseline, parameters.cloud_count)
     return baseline, samples.assign(person=seed), scored.assign(person=seed)
 
@@ -120,7 +120,7 @@ def demonstration_scores(
     baseline: PositionPrimitive,
     cloud_count: int = CLOUD_COUNT,
 ) -> pd.DataFrame:
-    """Scores of demonstrations, with columns as in `scores` and the goal distance at the last sample.
+    """Scores of demonstrations, with columns as in `unroll_scores` and the goal distance at the last sample.
 
     Rows are identified by `obstacle`, `scenario` (number of the setting) and `demonstration` (from 1).
     """

@@ -49,7 +49,7 @@ Group = Sequence[Reach]
 def reaches_by_situation(
     paths: pd.DataFrame, scores: pd.DataFrame, baseline: PositionPrimitive
 ) -> dict[SituationKey, list[Reach]]:
-    """Group one person's unrolls with limits at the goal (`avoidance_protocols.evaluate`) by situation.
+    """One person's unrolls with limits at the goal (`avoidance_protocols.evaluate_avoidance`), by situation.
 
     The order is that of the evaluation, so the first reach of each group is without avoidance.
     """

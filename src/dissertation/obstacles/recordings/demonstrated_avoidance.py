@@ -13,7 +13,7 @@ import pandas as pd
 import rerun as rr
 from pydantic import Field
 
-from dissertation.obstacles.names import DEMONSTRATIONS, FREE, HIT, KINDS, SOURCES, model_name
+from dissertation.obstacles.names import DEMONSTRATIONS, FREE, HIT, KINDS, SOURCES, fitted_name
 from dissertation.obstacles.protocol.avoidance_protocols import NO_MODEL, TRAINED
 from dissertation.obstacles.protocol.unrolled_reaches import Group, SituationKey, of_model, without_avoidance
 from dissertation.obstacles.world.scenarios import Scenario
@@ -213,7 +213,7 @@ def _notes(title: str, origin: str, one: ShownScenario) -> str:
     surface = one.scenario.obstacle.signed_distance
     rows = [
         f"| {1e3 * surface(reach.position).min():.0f} | {1e3 * reach.goal_distance_m:.0f} | "
-        f"{model_name(reach.model, reach.learned_from)} |"
+        f"{fitted_name(reach.model, reach.learned_from)} |"
         for reach in one.reaches
     ]
     people = min(1e3 * surface(person.position).min() for person in one.demonstrations)

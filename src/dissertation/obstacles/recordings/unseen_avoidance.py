@@ -5,7 +5,7 @@ from collections.abc import Iterator, Mapping, Sequence
 import numpy as np
 import rerun as rr
 
-from dissertation.obstacles.names import FREE, HIT, SITUATIONS, SOURCES, model_name
+from dissertation.obstacles.names import FREE, HIT, SITUATIONS, SOURCES, fitted_name
 from dissertation.obstacles.protocol.avoidance_protocols import GOAL_CHANGE, MOVING, PAIR, Situations
 from dissertation.obstacles.protocol.unrolled_reaches import (
     Group,
@@ -60,7 +60,7 @@ def unseen(situation: Situations, groups: Sequence[Group], baseline: PositionPri
     for source, its in ensembles.items():
         positions, colour = [reach.position for reach in its], SOURCES[source].colour
         every = lines(entity("all", source), positions, colour, -0.7, opacity=0.7)
-        scenes.append(views.scene(model_name(ENSEMBLE, source), [every, *around], everything))
+        scenes.append(views.scene(fitted_name(ENSEMBLE, source), [every, *around], everything))
         look = rr.LineStrips3D.from_fields(colors=rgba(colour), radii=-1.5)
         strips = rr.LineStrips3D.columns(strips=positions)
         one.append(Item(entity("one", "paths", source), [look], steps, strips))
@@ -108,14 +108,14 @@ def hits_table(groups: Sequence[Group]) -> str:
     """Number of hits of each ensemble and without avoidance, as a Markdown table."""
     counts = {BARE.name: sum(without_avoidance(group).hit for group in groups)}
     for source, its in ensembles_of(groups).items():
-        counts[model_name(ENSEMBLE, source)] = sum(reach.hit for reach in its)
+        counts[fitted_name(ENSEMBLE, source)] = sum(reach.hit for reach in its)
     rows = [f"| {name} | {count} |" for name, count in counts.items()]
     return views.table(f"| hits | of {len(groups)} |", rows) + "\n"
 
 
 def ensemble_legend(groups: Sequence[Group]) -> str:
     """Colours of ensembles and spheres, as a Markdown legend."""
-    ensembles = {model_name(ENSEMBLE, source): SOURCES[source].colour for source in ensembles_of(groups)}
+    ensembles = {fitted_name(ENSEMBLE, source): SOURCES[source].colour for source in ensembles_of(groups)}
     return views.legend(ensembles | {look.name: look.colour for look in (BARE, HIT, FREE)})
 
 

@@ -17,8 +17,8 @@ from pydantic import Field, model_validator
 import structlearn
 from dissertation.obstacles.world.scenarios import Scenario, SceneParameters, check_clear, reach_frame
 from structlearn.avoidance.shapes import SHAPES, Obstacle
-from structlearn.core import minimum_jerk
 from structlearn.core.params import Parameters
+from structlearn.core.signals import minimum_jerk
 from structlearn.readers.demonstration import Demonstration
 
 PLAN_POINTS = 51  # points of a planned path over its normalised duration; samples are interpolated
@@ -124,7 +124,7 @@ def _undisturbed(starts: np.ndarray, goals: np.ndarray, bow: np.ndarray) -> np.n
     """Minimum-jerk reaches (D, N, 3) from starts (D, 3) to goals (D, 3), offset by `bow` (D, 3) halfway."""
     s = np.linspace(0.0, 1.0, PLAN_POINTS)[:, None]
     arch = 64.0 * (s * (1.0 - s)) ** 3  # at rest at both ends, 1 halfway
-    return starts[:, None] + (goals - starts)[:, None] * minimum_jerk.progress(s) + bow[:, None] * arch
+    return starts[:, None] + (goals - starts)[:, None] * minimum_jerk(s) + bow[:, None] * arch
 
 
 def _avoiding(

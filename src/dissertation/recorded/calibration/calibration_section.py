@@ -18,7 +18,7 @@ from structlearn.reporting.evidence import exact
 from structlearn.reporting.figure_style import Drawing, legend, panel, styled
 from structlearn.reporting.findings import Findings
 from structlearn.reporting.prose import listing, rounded
-from structlearn.tasks.shown_tables import shown
+from structlearn.tasks.section import shown
 from structlearn.tasks.touch.touch_names import CALIBRATED, REFERENCE, WORLDS
 
 PACKAGE = __package__

@@ -11,7 +11,7 @@ import numpy as np
 import pandas as pd
 
 from dissertation.recorded.coupling.parameters import CouplingParameters
-from structlearn.avoidance.avoidance_dataset import AXES, AvoidanceDataset, from_table
+from structlearn.avoidance.avoidance_dataset import AXES, AvoidanceDataset, avoidance_from_table
 from structlearn.avoidance.avoidance_network import averaged, selected_inputs
 from structlearn.avoidance.features import CouplingModel
 from structlearn.avoidance.levenberg_marquardt import VALIDATION
@@ -48,7 +48,7 @@ FITS = (
 
 def learn(files: TaskFiles, folder: Path) -> None:
     """Write the tables of `representation_scores`."""
-    samples = from_table(files.table("recorded/samples"))
+    samples = avoidance_from_table(files.table("recorded/samples"))
     write_tables(representation_scores(samples, files.entry(CouplingParameters)), folder)
 
 

@@ -2,7 +2,7 @@
 
 from pydantic import Field
 
-from structlearn.avoidance.network_training import NetworkParameters
+from structlearn.avoidance.network_training import AvoidanceNetworkParameters
 from structlearn.feedback.trainers import TrainingParameters
 from structlearn.readers.source import SourceParameters
 
@@ -14,7 +14,7 @@ class CouplingParameters(SourceParameters):
 
     folds: int = Field(ge=2)
     ridge_decay: float = Field(gt=0)
-    network: NetworkParameters
+    network: AvoidanceNetworkParameters
     pmnn: TrainingParameters
     pmnn_hidden: tuple[int, ...]
 

@@ -19,7 +19,7 @@ from structlearn.rigid_body.base_parameters import link_table
 from structlearn.rigid_body.dynamics_models import DynamicsModels, predicted_torques, torque_parts
 from structlearn.rigid_body.dynamics_training import SHARED, learn_annealed
 from structlearn.rigid_body.identification import fit_planar_arm, planar_tree
-from structlearn.rigid_body.motion import Motion, joined
+from structlearn.rigid_body.motion import Motion, joined_motions
 from structlearn.rigid_body.network_models import NetworkLearner
 from structlearn.rigid_body.tree import KinematicTree
 from structlearn.tasks.task_files import TaskFiles, write_tables
@@ -51,7 +51,9 @@ def learn_parts(logs: Mapping[str, PartedLog], parameters: PartsParameters) -> d
     for name, log in logs.items():
         motions[name] = Motion(log.positions, log.velocities, log.accelerations, log.torques)
     choices = characters_left_out(list(logs), parameters)
-    learned_from = [joined([motions[name] for name in logs if name not in its]) for _, _, its in choices]
+    learned_from = [
+        joined_motions([motions[name] for name in logs if name not in its]) for _, _, its in choices
+    ]
     rows: list[tuple[str, str, int, str, str, float]] = []
     arms, joints = [], learned_from[0].joints
     tree = planar_tree(np.zeros((joints - 1, 2)))
@@ -113,7 +115,7 @@ def errors(
 ) -> list[tuple[str, int, str, str, float]]:
     """Rows of `parts` after the model, for the logs left out."""
     protocol, draw, left_out = choice
-    motion = joined([motions[name] for name in left_out])
+    motion = joined_motions([motions[name] for name in left_out])
     error = predicted_torques(model, tree, motion)[0] - motion.torque
     squares = {"torque": error**2, "power": (motion.qd * error).sum(axis=1, keepdims=True) ** 2}
     for part, found in torque_parts(model, tree, motion).items():

@@ -11,7 +11,7 @@ import numpy as np
 
 from structlearn.core.errors import InputError, MissingInputError
 from structlearn.readers.foreign_tables import LeftOut, PublicSet, check_rising, read_each, read_stamped_table
-from structlearn.readers.user_tables import TouchLog
+from structlearn.readers.touch_log import TouchLog
 
 SOURCE = PublicSet("https://github.com/notvenky/eFlesh", "ab5ca56a87df7cbf59264138998bf74efc216b13", "MIT")
 

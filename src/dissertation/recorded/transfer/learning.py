@@ -136,7 +136,7 @@ def touch_sets(
 
 def learn(files: TaskFiles, folder: Path) -> None:
     """Write the tables of `learn_transfer`."""
-    electrodes = stage_parameters("testbed.touch", fingers.TouchParameters, SIMULATED)
+    electrodes = stage_parameters("testbed.touch", fingers.PinchParameters, SIMULATED)
     found = compare_sets(
         read_streams(files.recorded / "streams.parquet"),
         files.entry(TransferParameters),

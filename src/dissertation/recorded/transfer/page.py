@@ -12,8 +12,7 @@ from structlearn.reporting.evidence import mean
 from structlearn.reporting.figure_style import legend, panel, styled
 from structlearn.reporting.findings import Findings
 from structlearn.reporting.prose import listing, rounded, with_spread
-from structlearn.tasks.section import Section
-from structlearn.tasks.shown_tables import shown
+from structlearn.tasks.section import Section, shown
 from structlearn.tasks.task_files import TaskFiles
 from structlearn.tasks.touch import touch_names as names
 from structlearn.tasks.touch.touch_names import COMPONENTS, NEW_SET, NEW_TRIALS, SLIDES, SPACES, STRUCTURED

@@ -26,8 +26,8 @@ from structlearn.reporting.figure_style import PANEL_WIDTH, canvas, styled
 from structlearn.reporting.movement_figures import (
     draw_axes,
     draw_cuts,
-    fit_panel,
     headroom,
+    reproduction_panel,
     shade_primitives,
     space_panels,
     speed,
@@ -147,7 +147,7 @@ def position_fit_figure(stored: Stored) -> list[Figure]:
     for place, one in enumerate(stored.primitives):
         paths = [1e3 * (path.position - path.position[-1]) for path, _ in stored.segments[one.name]]
         unrolled = 1e3 * (one.position.unroll(stored.reference.dt).position - one.position.goal)
-        figures.append(fit_panel(one.name, place, paths, unrolled, labels))
+        figures.append(reproduction_panel(one.name, place, paths, unrolled, labels))
     return figures
 
 
@@ -162,7 +162,7 @@ def orientation_fit_figure(stored: Stored) -> list[Figure]:
             paths = [np.degrees(quaternion.difference(turn, turn[-1])) for turn in turns]
             unrolled = one.orientation.unroll(stored.reference.dt).orientation
             from_goal = np.degrees(quaternion.difference(unrolled, one.orientation.goal))
-            figures.append(fit_panel(one.name, place, paths, from_goal, labels))
+            figures.append(reproduction_panel(one.name, place, paths, from_goal, labels))
     return figures
 
 

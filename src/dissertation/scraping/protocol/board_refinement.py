@@ -59,7 +59,7 @@ Networks = Mapping[str, CouplingModel]
 
 
 @dataclass(frozen=True)
-class Board(Bench):
+class BoardEnvironment(Bench):
     """One primitive of the scraping task on a board at one tilt (`refinement.Environment`).
 
     The robot executes the primitives up to this one; the preceding ones run with their own networks.
@@ -75,7 +75,7 @@ class Board(Bench):
         """Sampling rate of the costs."""
         return self.clock.rate_hz
 
-    def of(self, name: str, networks: Networks) -> "Board":
+    def of(self, name: str, networks: Networks) -> "BoardEnvironment":
         """The board for another primitive, with these networks for the preceding ones."""
         before = [primitive.name for primitive in self.skill.primitives[: self.skill.index(name)]]
         return replace(self, name=name, preceding={one: networks[one] for one in before if one in networks})
@@ -114,7 +114,7 @@ class Board(Bench):
         return Rollout(cost[first : last + 1], samples)
 
 
-Work = tuple[Board, CouplingModel, tuple[int, ...]]
+Work = tuple[BoardEnvironment, CouplingModel, tuple[int, ...]]
 
 
 def _rollout(work: Work) -> Rollout:
@@ -135,18 +135,18 @@ def read_board(
     supervision: SupervisionParameters,
     testbed: TestbedParameters,
     clock: ClockParameters,
-) -> tuple[Board, dict[str, CouplingDataset]]:
+) -> tuple[BoardEnvironment, dict[str, CouplingDataset]]:
     """Board to refine on, for the first primitive with feedback; see `read_bench`.
 
     Demonstrations are those of the training settings.
     """
     bench, datasets = read_bench(data, refined.settings_deg, supervision, testbed, clock)
     own, first = vars(bench), supervision.primitives[0]
-    return Board(**own, preceding={}, name=first, setting_deg=refined.setting_deg), datasets
+    return BoardEnvironment(**own, preceding={}, name=first, setting_deg=refined.setting_deg), datasets
 
 
 def refine_on_board(
-    board: Board,
+    board: BoardEnvironment,
     datasets: Mapping[str, CouplingDataset],
     parameters: BoardRefinementParameters,
     report: Callable[[str, Progress], None] = lambda name, progress: None,
@@ -196,7 +196,7 @@ def _learned(work: tuple[CouplingDataset, BoardRefinementParameters]) -> Couplin
 
 
 def _with_executions(
-    board: Board, demonstrations: CouplingDataset, parameters: BoardRefinementParameters
+    board: BoardEnvironment, demonstrations: CouplingDataset, parameters: BoardRefinementParameters
 ) -> CouplingDataset:
     """Demonstrations, executions of their mean in each setting, and executions on the level board."""
     known = [

@@ -5,6 +5,7 @@ from dataclasses import replace
 from functools import partial
 from itertools import chain
 
+import numpy as np
 import pandas as pd
 from pydantic import Field
 
@@ -20,7 +21,8 @@ from structlearn.core.parallel import parallel_map
 from structlearn.core.params import Parameters
 from structlearn.readers.clock import synchronise
 from structlearn.readers.demonstration import Demonstration
-from structlearn.segmentation.cut_errors import cut_errors, downsampling_effect
+from structlearn.segmentation.alignment import AS_PRINTED, RESULT
+from structlearn.segmentation.cut_errors import cut_errors
 from structlearn.segmentation.parameters import SegmentParameters
 from structlearn.segmentation.segments import cut
 
@@ -112,3 +114,29 @@ def _cut_errors(
 
 def _demonstrated(movements: Sequence[Intention], seed: int) -> list[Demonstration]:
     return [synchronise(as_meant(movement, seed), RATE_HZ) for movement in movements]
+
+
+def downsampling_effect(
+    demonstrations: Sequence[Demonstration], parameters: SegmentParameters, factors: Sequence[int]
+) -> pd.DataFrame:
+    """Effect of down-sampling the alignment by several factors on the cut points (appendix C).
+
+    `parameters`: of the segmentation; `downsampling` is replaced. Returns one row per factor: `factor`,
+    `work` (cells of the warping tables relative to the first factor; `make bench` times them),
+    `mean_shift_ms` and `max_shift_ms` of the cut points against the first factor's, and the largest shift in
+    aligned samples: `shift_samples`, and `shift_samples_published` for weighted least squares as printed.
+    """
+    segmentations = {
+        factor: cut(demonstrations, parameters.model_copy(update={"downsampling": factor}))
+        for factor in factors
+    }
+    keys, first = ["method", "demonstration", "primitive"], segmentations[factors[0]]
+    rows = []
+    for factor, segmentation in segmentations.items():
+        ends = [cut.cuts.set_index(keys)[["start_s", "end_s"]] for cut in (segmentation, first)]
+        shifts = (ends[0] - ends[1]).dropna().abs()  # demonstrations that both could cut
+        shift, as_printed = (shifts.loc[method].to_numpy() for method in (RESULT, AS_PRINTED))
+        in_ms, samples = 1e3 * np.array([shift.mean(), shift.max()]), factor * demonstrations[0].dt
+        in_samples = shift.max() / samples, as_printed.max() / samples
+        rows.append((factor, segmentation.cells / first.cells, *in_ms, *in_samples))
+    return pd.DataFrame(rows, columns=EFFECT)

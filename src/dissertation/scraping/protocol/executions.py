@@ -19,7 +19,7 @@ from dissertation.scraping.protocol import execution_scores
 from dissertation.scraping.protocol.execution_scores import ExecutionParameters
 from dissertation.scraping.world.corrector import corrector
 from dissertation.scraping.world.execution import Engine, execute
-from dissertation.scraping.world.testbed import TestbedParameters, recorded, run_conditions
+from dissertation.scraping.world.testbed import TestbedParameters, recorded_run, run_conditions
 from dissertation.simulation.fingers import FingerPair
 from structlearn.core import quaternion
 from structlearn.core.artefacts import Metrics
@@ -60,7 +60,7 @@ def nominal_runs(count: int) -> list[Run]:
     return [Run(f"{number + 1:02d}", 0.0, (NOMINAL, 0, number)) for number in range(count)]
 
 
-def corrected_runs(settings_deg: Sequence[float], count: int) -> list[Run]:
+def runs_to_correct(settings_deg: Sequence[float], count: int) -> list[Run]:
     """Executions that a person corrects, `count` per setting, ordered by setting."""
     return _runs(CORRECTED, settings_deg, count, corrected=True)
 
@@ -120,7 +120,7 @@ def execute_run(
     seed = " ".join(map(str, [testbed.seed, *run.seed]))
     setting = f"board roll {run.setting_deg:g} degrees"
     what = {"seed": seed, "setting": setting, "what": f"execution, {kind}"}
-    return recorded(testbed, run.name, index, log, segments, clocks_rng, what)
+    return recorded_run(testbed, run.name, index, log, segments, clocks_rng, what)
 
 
 def _execute(work: tuple[Run, int], skill: ReactiveSkill, testbed: TestbedParameters) -> Recording:

@@ -20,7 +20,7 @@ from pydantic import Field
 
 from structlearn.core.metrics import mean_interval, nmse, verdict
 from structlearn.core.parallel import parallel_map
-from structlearn.feedback.corrected_paths import SAMPLES, corrected_paths, split
+from structlearn.feedback.corrected_paths import SAMPLES, corrected_paths, split_demonstrations
 from structlearn.feedback.coupling_dataset import (
     PARTS,
     CouplingDataset,
@@ -78,7 +78,7 @@ def _trained(work: tuple[str, CouplingDataset, FinalModelParameters]) -> Couplin
     if model != UNROLLED:
         return train_final(parameters.network, dataset, parameters.pointwise, parameters.hidden)
     paths = corrected_paths(dataset, SAMPLES)
-    training, validation = split(paths, parameters.validation_share, parameters.unrolled.seed)
+    training, validation = split_demonstrations(paths, parameters.validation_share, parameters.unrolled.seed)
     # start from a pointwise model that has not seen the validation demonstrations
     seen = np.isin(dataset.demonstration, np.unique(training.demonstration))
     initial = train_final(parameters.network, dataset.where(seen), parameters.pointwise, parameters.hidden)

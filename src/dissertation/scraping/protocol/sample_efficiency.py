@@ -132,7 +132,7 @@ class Trial:
     means: list[np.ndarray] = field(default_factory=list)  # (N,) mean policy after every update so far
 
 
-def compare(
+def compare_searches(
     environment: Environment,
     start: np.ndarray,
     exploration: float,

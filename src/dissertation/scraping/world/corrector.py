@@ -21,9 +21,9 @@ import numpy as np
 from pydantic import Field
 
 from dissertation.simulation.hand_noise import hand_noise
-from structlearn.core import minimum_jerk
 from structlearn.core.compilation import compiled_inside, numba
 from structlearn.core.params import Parameters
+from structlearn.core.signals import minimum_jerk, minimum_jerk_rate
 
 
 class CorrectorParameters(Parameters):
@@ -168,9 +168,7 @@ def _drawn(person: Corrector) -> float:
     return person.draws[person.counts[_DRAWN] - 1]
 
 
-_progress, _rate = (
-    numba.njit(cache=True)(function) for function in (minimum_jerk.progress, minimum_jerk.rate)
-)
+_progress, _rate = (numba.njit(cache=True)(function) for function in (minimum_jerk, minimum_jerk_rate))
 
 
 @compiled_inside

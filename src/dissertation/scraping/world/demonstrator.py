@@ -19,8 +19,9 @@ from pydantic import Field, model_validator
 import structlearn
 from dissertation.scraping.world.layout import CONTACT_M, FLAT_ORIENTATION
 from dissertation.simulation.hand_noise import hand_noise
-from structlearn.core import minimum_jerk, quaternion
+from structlearn.core import quaternion
 from structlearn.core.params import Parameters
+from structlearn.core.signals import minimum_jerk
 from structlearn.readers.demonstration import Recording, Stream
 
 # Task: lengths as in the recorded scraping, 8.7 cm down and 6.4 cm along y
@@ -186,7 +187,7 @@ class _Movement:
         share, primary, secondary = self.shapes.T[..., None]  # (2, 1) each
         first = np.clip(phase / primary, 0.0, 1.0)
         second = np.clip((phase - secondary) / (1 - secondary), 0.0, 1.0)
-        return share * minimum_jerk.progress(first) + (1 - share) * minimum_jerk.progress(second)
+        return share * minimum_jerk(first) + (1 - share) * minimum_jerk(second)
 
 
 def _draw_movements(

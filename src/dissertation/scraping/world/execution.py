@@ -18,7 +18,7 @@ from pydantic import Field
 from dissertation.scraping.world import operational_space, scraping_robot, scraping_world
 from dissertation.scraping.world.corrector import Corrector, hold, nobody
 from dissertation.scraping.world.layout import FLAT_ORIENTATION, ROLL_AXIS
-from dissertation.scraping.world.operational_space import Arm, Target
+from dissertation.scraping.world.operational_space import ArmModel, Target
 from dissertation.scraping.world.scraping_robot import ARM_JOINTS
 from dissertation.scraping.world.scraping_world import World, WorldParameters, tool_wrench
 from dissertation.simulation.fingers import CHANNELS, FingerPair, Readings, take
@@ -95,7 +95,7 @@ class _Run(NamedTuple):
 
     dt: float  # s per control tick
     conditions: Conditions
-    arm: Arm  # the controller's model and observations
+    arm: ArmModel  # the controller's model and observations
     world: World  # robot and board
     fingers: Readings
     reference: Reference  # of the motion; a controller writes it tick by tick
@@ -259,7 +259,7 @@ def _lead(plan_arrays: tuple, state_arrays: tuple, reference: Reference, counts:
 
 @compiled_inside
 def _corrected(
-    board_roll: float, reference: Reference, k: int, arm: Arm, tool: np.ndarray, person: Corrector
+    board_roll: float, reference: Reference, k: int, arm: ArmModel, tool: np.ndarray, person: Corrector
 ) -> float:
     """Torque in N m about roll of the person who holds the hand."""
     orientation = reference.orientation

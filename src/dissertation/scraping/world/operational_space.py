@@ -11,19 +11,19 @@ from typing import NamedTuple
 
 import numpy as np
 
+from dissertation.simulation.compiled_chain import ChainState, dynamics, factorise, solve, workspace
 from structlearn.core.compilation import cross, numba
-from structlearn.rigid_body.compiled_chain import Workspace, dynamics, factorise, solve, workspace
 from structlearn.rigid_body.robot import Robot
 from structlearn.rigid_body.tree import RobotArrays, robot_arrays
 
 ELBOW_STIFFNESS, ELBOW_DAMPING = 40.0, 12.0  # 1/s^2 and 1/s; slow, since the elbow need not hurry
 
 
-class Arm(NamedTuple):
+class ArmModel(NamedTuple):
     """The controller's model of the arm, and its observations in the base frame."""
 
     arrays: RobotArrays  # arm with hand and unloaded tool
-    work: Workspace
+    work: ChainState
     edge_rotation: np.ndarray  # (3, 3) edge frame in the last link's frame
     edge_place: np.ndarray  # (3,) m, its origin there
     posture: np.ndarray  # (7,) rad, target of the null space
@@ -47,11 +47,11 @@ class Target(NamedTuple):
     acceleration: np.ndarray  # (6,) m/s^2 and rad/s^2
 
 
-def controlled(robot: Robot, posture: np.ndarray) -> Arm:
+def controlled(robot: Robot, posture: np.ndarray) -> ArmModel:
     """Controller state for the arm of `scraping_robot.arm`, with null-space posture (7,) in rad."""
     count, model = len(posture), robot.model
     edge = model.frames[model.getFrameId("edge")].placement
-    return Arm(
+    return ArmModel(
         arrays=robot_arrays(robot.tree, robot.inertias),
         work=workspace(count),
         edge_rotation=np.ascontiguousarray(edge.rotation),
@@ -70,7 +70,7 @@ def controlled(robot: Robot, posture: np.ndarray) -> Arm:
 
 
 @numba.njit(cache=True, error_model="numpy")
-def observe(arm: Arm, q: np.ndarray, v: np.ndarray) -> None:
+def observe(arm: ArmModel, q: np.ndarray, v: np.ndarray) -> None:
     """Compute the arm's kinematics and dynamics at q and v, of which the first entries are the arm's."""
     count = len(arm.q)
     arm.q[:], arm.v[:] = q[:count], v[:count]
@@ -98,7 +98,7 @@ def observe(arm: Arm, q: np.ndarray, v: np.ndarray) -> None:
 
 
 @numba.njit(cache=True, error_model="numpy")
-def control(arm: Arm, target: Target, stiffness: float, force: np.ndarray) -> None:
+def control(arm: ArmModel, target: Target, stiffness: float, force: np.ndarray) -> None:
     """Write the joint torques towards a target, for the last observed state; call once per observation.
 
     `stiffness`: K in 1/s^2, the squared natural frequency. `force`: (6,) additional wrench on the hand at the

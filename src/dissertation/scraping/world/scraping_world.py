@@ -1,7 +1,7 @@
 """Physical simulation of the scraping testbed: torques in, motion and contact out.
 
 Forces of the grasp's springs and of the contact between edge and board are computed here and enter as joint
-torques. The robot's motion is integrated by `rigid_body.compiled_chain`, or by PyBullet
+torques. The robot's motion is integrated by `simulation.compiled_chain`, or by PyBullet
 (`stages/engines.py`), which takes ten times as long and agrees. Everything is deterministic: the same torques
 give the same bits.
 
@@ -26,9 +26,9 @@ from dissertation.scraping.world.scraping_robot import (
     TOOL_CENTRE_M,
     TOOL_KG,
 )
+from dissertation.simulation.compiled_chain import ChainState, dynamics, step, workspace
 from structlearn.core.compilation import compiled_inside, cross, numba
 from structlearn.core.params import Parameters
-from structlearn.rigid_body.compiled_chain import Workspace, dynamics, step, workspace
 from structlearn.rigid_body.tree import RobotArrays, robot_arrays
 
 EDGE_POINTS = 11
@@ -77,7 +77,7 @@ class World(NamedTuple):
     """State and model of robot, tool and board; the arrays are updated in place."""
 
     arrays: RobotArrays  # arm, grasp and tool, thirteen joints
-    work: Workspace  # kinematics and dynamics at q and v
+    work: ChainState  # kinematics and dynamics at q and v
     q: np.ndarray  # (13,) positions of arm and grasp joints, rad and m
     v: np.ndarray  # (13,) their velocities
     grasp: np.ndarray  # (2, 6) stiffness and damping of the grasp's joints
@@ -185,7 +185,7 @@ def tool_wrench(load: np.ndarray, hand: np.ndarray, tool: np.ndarray, wrench: np
 
 @numba.njit(cache=True, error_model="numpy")
 def press(
-    work: Workspace,
+    work: ChainState,
     v: np.ndarray,
     board: Board,
     dt: float,

@@ -33,7 +33,7 @@ from dissertation.scraping.world.execution import (
     execute,
 )
 from dissertation.scraping.world.scraping_world import WorldParameters
-from dissertation.simulation.fingers import FingerPair, TouchParameters
+from dissertation.simulation.fingers import FingerPair, PinchParameters
 from structlearn.core import quaternion
 from structlearn.core.parallel import parallel_map
 from structlearn.core.params import Parameters
@@ -78,7 +78,7 @@ class TestbedParameters(Parameters):
     sensor_seed: int = Field(ge=0)
     world: WorldParameters
     control: ControlParameters
-    touch: TouchParameters
+    touch: PinchParameters
     variation: VariationParameters
     recorder: RecorderParameters
     guidance: GuidanceParameters
@@ -111,7 +111,7 @@ def run_conditions(
     )
 
 
-def recorded(
+def recorded_run(
     testbed: TestbedParameters,
     name: str,
     index: int,
@@ -209,4 +209,4 @@ def _guide(movement: Intention, testbed: TestbedParameters, seed: int) -> Record
     fingers = FingerPair(testbed.touch, testbed.sensor_seed, fingers_rng, testbed.finger_rate_hz)
     log = execute(testbed.world, motion, start, ticks, conditions, testbed.control, fingers, wrist_rng)
     what = {"seed": str(seed), "setting": "board roll 0 degrees", "what": "a person guides the arm"}
-    return recorded(testbed, movement.name, number - 1, log, movement.segments, clocks_rng, what)
+    return recorded_run(testbed, movement.name, number - 1, log, movement.segments, clocks_rng, what)

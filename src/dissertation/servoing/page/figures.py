@@ -24,7 +24,7 @@ from dissertation.servoing.page.findings import (
     rate,
 )
 from dissertation.servoing.protocol.servo_scores import KEYS, rows_of, success_by_tolerance
-from dissertation.servoing.protocol.servo_variants import ADAPTIVE, Variant
+from dissertation.servoing.protocol.servo_variants import ADAPTIVE, ServoVariant
 from dissertation.simulation.still import Sheet, Solid, View, still
 from structlearn.core import quaternion
 from structlearn.core.metrics import mean_interval
@@ -268,7 +268,7 @@ def _success(results: ServoingResults, form: str) -> Figure:
     """Success rate of the controllers of one form."""
 
     def share(structure: bool, name: InverseModel, with_loss: bool) -> list[float]:
-        found = rate(results.trials, Variant(form, name, structure, with_loss))
+        found = rate(results.trials, ServoVariant(form, name, structure, with_loss))
         return [100 * one for one in (found.value, found.low, found.high)]
 
     groups = {names.STRUCTURE_NAMES[structure]: partial(share, structure) for structure in STRUCTURES}
@@ -276,7 +276,7 @@ def _success(results: ServoingResults, form: str) -> Figure:
     return _bars(title, "% of targets reached", 101, groups, legend=form == names.AS_PUBLISHED.form)
 
 
-def _ways(results: ServoingResults, variant: Variant) -> Figure:
+def _ways(results: ServoingResults, variant: ServoVariant) -> Figure:
     """True contact paths on the flat skin, from start (dot) to target (cross, orange if missed)."""
     title = names.FORM_NAMES[variant.form].capitalize()
     figure, axes = _panel(title, "along the finger (mm)", "across (mm)", 3.3)
@@ -305,7 +305,7 @@ def _progress(results: ServoingResults) -> list[Figure]:
     rates = success_by_tolerance(loops["trials"], KEYS, TOLERANCES_MM, bound.pressure)
     for form, line in DASHES.items():
         for name, colour in names.INVERSE_COLOURS.items():
-            rows, shares = (rows_of(table, Variant(form, name)) for table in (loops["progress"], rates))
+            rows, shares = (rows_of(table, ServoVariant(form, name)) for table in (loops["progress"], rates))
             distance.plot(rows["time_s"], rows["median_mm"], color=colour, linestyle=line)
             within.plot(rows["time_s"], 100 * rows["within"], color=colour, linestyle=line)
             tolerance.plot(shares["tolerance_mm"], 100 * shares["rate"], color=colour, linestyle=line)

@@ -30,7 +30,7 @@ from dissertation.servoing.names import (
 from dissertation.servoing.protocol.servo_scores import ControllerScores
 from dissertation.servoing.protocol.servo_variants import (
     AS_DATA,
-    Variant,
+    ServoVariant,
     variants_of_other_skins,
 )
 from structlearn.core.metrics import matching
@@ -157,7 +157,7 @@ class ServoingResults:
     dataset: TouchDataset
     truth: pd.DataFrame  # true contacts of the demonstrations
     models: ModelScores
-    loops: Mapping[str, pd.DataFrame]  # tables of `protocol.servo_trials.compare`
+    loops: Mapping[str, pd.DataFrame]  # tables of `protocol.servo_trials.compare_controllers`
     skin_tables: Mapping[str, pd.DataFrame]  # `latent`, `directions`, `trials` of other skins, by `skin`
     chosen: Mapping[str, Any]  # parameters, keyed as in `params.yaml`
     study: Study | None  # over people; None if it was not run
@@ -264,14 +264,14 @@ def over_people(find: Findings, results: ServoingResults) -> None:
     _closed_loop(find, results)
 
 
-def rate(trials: ControllerScores, variant: Variant) -> Evidence:
+def rate(trials: ControllerScores, variant: ServoVariant) -> Evidence:
     """Success rate of a controller over one person's trials, with an interval clustered by model."""
     counts = trials.counts(variant)
     found = clustered_share(counts["success"].to_numpy(), counts["trials"].to_numpy())
     return replace(found, people=None)  # clusters are trained models, not people
 
 
-def rate_case(variant: Variant, skin: str = "") -> str:
+def rate_case(variant: ServoVariant, skin: str = "") -> str:
     """Name of a controller's case, e.g. `ll_nostruct_published`; values that `OURS` has are left out."""
     return key(
         skin,
@@ -296,10 +296,10 @@ def key(*words: str) -> str:
     return "_".join(filter(None, words))
 
 
-def rated() -> list[Variant]:
+def rated() -> list[ServoVariant]:
     """Controllers whose success rate is a finding."""
     cases = product((AS_PUBLISHED.form, OURS.form), FORWARD_OF, STRUCTURES, (True, False))
-    every = [Variant(*case) for case in cases]
+    every = [ServoVariant(*case) for case in cases]
     return every + [replace(form, change=AS_DATA) for form in (AS_PUBLISHED, OURS)]
 
 
@@ -383,17 +383,17 @@ def _closed_loop(find: Findings, results: ServoingResults) -> None:
     """Add success rates, and differences in percentage points paired by person."""
     find.exact("people", results.people.count or float("nan"), headline=True)
 
-    def rates(variant: Variant, skin: str = "") -> np.ndarray | None:
+    def rates(variant: ServoVariant, skin: str = "") -> np.ndarray | None:
         return results.people.numbers(key(RATE, rate_case(variant, skin)))
 
     def share(name: str, *given: object, skin: str = "", headline: bool = False) -> Found:
         return find.by(partial(_clustered, results.trials_per_person(skin)), name, *given, headline=headline)
 
-    def counts(variant: Variant) -> Counts | None:
+    def counts(variant: ServoVariant) -> Counts | None:
         its = rates(variant)
         return None if its is None else _counts(results.trials_per_person(), its)
 
-    def gain(name: str, form: Variant, **without: Any) -> None:
+    def gain(name: str, form: ServoVariant, **without: Any) -> None:
         models = {inverse: replace(form, inverse=inverse) for inverse in FORWARD_OF}
         pairs = {inverse: (counts(one), counts(replace(one, **without))) for inverse, one in models.items()}
         find.rate_difference(name, pairs)

@@ -33,7 +33,7 @@ from dissertation.servoing.page.findings import (
     rate,
 )
 from dissertation.servoing.protocol.servo_scores import KEYS, ControllerScores, success_rates
-from dissertation.servoing.protocol.servo_variants import Variant
+from dissertation.servoing.protocol.servo_variants import ServoVariant
 from structlearn.core.metrics import mean_interval
 from structlearn.reporting.document import Source, Table
 from structlearn.reporting.findings import Findings
@@ -182,7 +182,7 @@ def loop_table(scores: ControllerScores) -> pd.DataFrame:
     motions = motions[trials["motion"].unique()].add_prefix("rate_")
     errors = trials.groupby(KEYS)[["position_error_mm", "pressure_error"]].median()
     table = scores.rates.join(motions).join(errors).reset_index()
-    found = [rate(scores, Variant(**keys)) for keys in table[KEYS].to_dict("records")]
+    found = [rate(scores, ServoVariant(**keys)) for keys in table[KEYS].to_dict("records")]
     place = table.columns.get_loc("rate") + 1
     table.insert(place, "low", [one.low for one in found])
     table.insert(place + 1, "high", [one.high for one in found])

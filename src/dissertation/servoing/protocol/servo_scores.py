@@ -7,14 +7,14 @@ from functools import cached_property
 import numpy as np
 import pandas as pd
 
-from dissertation.servoing.protocol.servo_variants import ToleranceParameters, Variant
+from dissertation.servoing.protocol.servo_variants import ServoVariant, ToleranceParameters
 from dissertation.servoing.world.servo_loop import Held, Scene, Servoed
 from structlearn.core.metrics import matching
 from structlearn.tactile.electrodes import path_length, skin_distance
 
 THINNED = 10  # electrode samples per path point, so that contact tremor does not add path length
 
-KEYS = [field.name for field in fields(Variant)]  # columns that identify a controller
+KEYS = [field.name for field in fields(ServoVariant)]  # columns that identify a controller
 
 
 def scored(
@@ -29,7 +29,7 @@ def scored(
     """
     skin = scene.finger.skin
     judged = round(tolerance.judged_s * scene.sample_hz)
-    position, pressure = errors(run, target, judged)
+    position, pressure = target_errors(run, target, judged)
     load = np.abs(run.load / target.contact.load - 1)
     kept = (position <= 1e-3 * tolerance.position_mm) & (pressure <= tolerance.pressure)
     final = [error[-judged:].mean(axis=0) for error in (position, pressure, load)]
@@ -49,7 +49,7 @@ def scored(
     )
 
 
-def errors(run: Servoed, target: Held, judged: int) -> tuple[np.ndarray, np.ndarray]:
+def target_errors(run: Servoed, target: Held, judged: int) -> tuple[np.ndarray, np.ndarray]:
     """Distance from the target in m, and relative pressure error, (N, B) each.
 
     The target pressure is the mean over the last `judged` samples.
@@ -59,9 +59,9 @@ def errors(run: Servoed, target: Held, judged: int) -> tuple[np.ndarray, np.ndar
     return np.linalg.norm(run.point - target.contact.point, axis=2), np.abs(pressure / wanted - 1)
 
 
-def progress(run: Servoed, target: Held, scene: Scene, tolerance: ToleranceParameters) -> pd.DataFrame:
+def servo_progress(run: Servoed, target: Held, scene: Scene, tolerance: ToleranceParameters) -> pd.DataFrame:
     """Progress of B trials: `time_s`, `median_mm`, `upper_mm` (90 % quantile), share `within` tolerance."""
-    position, pressure = errors(run, target, round(tolerance.judged_s * scene.sample_hz))
+    position, pressure = target_errors(run, target, round(tolerance.judged_s * scene.sample_hz))
     within = (position <= 1e-3 * tolerance.position_mm) & (pressure <= tolerance.pressure)
     shown = slice(THINNED - 1, None, THINNED)
     middle, upper = 1e3 * np.quantile(position[shown], [0.5, 0.9], axis=1)
@@ -101,34 +101,35 @@ def success_by_tolerance(
 class ControllerScores:
     """Closed-loop trials of several controllers, with their scores."""
 
-    trials: pd.DataFrame  # see `protocol.servo_trials.compare`; the same contacts for all controllers
+    # see `protocol.servo_trials.compare_controllers`; the same contacts for all controllers
+    trials: pd.DataFrame
 
     @cached_property
     def rates(self) -> pd.DataFrame:
         """Success rates per controller, see `success_rates`; indexed by `KEYS`."""
         return success_rates(self.trials, KEYS).set_index(KEYS)
 
-    def rate(self, variant: Variant) -> pd.Series:
+    def rate(self, variant: ServoVariant) -> pd.Series:
         """Row of `rates`."""
         return self.rates.loc[tuple(vars(variant).values())]
 
-    def successes(self, variant: Variant) -> np.ndarray:
+    def successes(self, variant: ServoVariant) -> np.ndarray:
         """Success rate per seed (S,), in %."""
         return 100 * rows_of(self.trials, variant).groupby("seed")["success"].mean().to_numpy()
 
-    def counts(self, variant: Variant) -> pd.DataFrame:
+    def counts(self, variant: ServoVariant) -> pd.DataFrame:
         """Counts by seed: `trials`, `success`, and `lost` (contact lifted or beyond the skin's edge)."""
         rows = rows_of(self.trials, variant)
         lost = rows["lifted"] | rows["off_skin"]
         groups = rows.assign(lost=lost, trials=1).groupby("seed")
         return groups[["trials", "success", "lost"]].sum()
 
-    def only_pressed_wrong(self, variant: Variant, position_mm: float) -> int:
+    def only_pressed_wrong(self, variant: ServoVariant, position_mm: float) -> int:
         """Number of missed targets whose contact is within `position_mm`, so that only pressure is off."""
         rows = rows_of(self.trials, variant)
         return int((~rows["success"] & (rows["position_error_mm"] <= position_mm)).sum())
 
 
-def rows_of(table: pd.DataFrame, variant: Variant) -> pd.DataFrame:
+def rows_of(table: pd.DataFrame, variant: ServoVariant) -> pd.DataFrame:
     """Rows of one controller, from a table with the columns `KEYS`."""
     return matching(table, **vars(variant))

@@ -11,7 +11,7 @@ from functools import partial
 import numpy as np
 import pandas as pd
 
-from dissertation.servoing.protocol.servo_scores import THINNED, progress, scored
+from dissertation.servoing.protocol.servo_scores import THINNED, scored, servo_progress
 from dissertation.servoing.protocol.servo_variants import (
     ALL_ALIKE,
     AS_DATA,
@@ -20,15 +20,15 @@ from dissertation.servoing.protocol.servo_variants import (
     UNCORRECTED,
     OtherSkinsParameters,
     ServoTrialParameters,
+    ServoVariant,
     SkinName,
-    Variant,
 )
 from dissertation.servoing.world.servo_loop import (
     LoopParameters,
     Scene,
     Servoed,
     handle_of,
-    press,
+    press_skin,
     servo,
 )
 from dissertation.simulation.touch import FingerParameters, make_finger
@@ -43,7 +43,7 @@ from structlearn.core.parallel import parallel_map
 from structlearn.readers.clock import synchronise
 from structlearn.tactile.electrodes import SKINS
 from structlearn.tactile.geodesics import geodesics
-from structlearn.tactile.latent_comparison import LatentComparison, learn
+from structlearn.tactile.latent_comparison import LatentComparison, learn_latent_spaces
 from structlearn.tactile.latent_models import TrainedTouch
 from structlearn.tactile.latent_parameters import GeodesicParameters, LatentParameters
 from structlearn.tactile.servo_controller import AdaptiveServo, ModelTrust, ServoParameters, TactileServo
@@ -52,18 +52,18 @@ from structlearn.tactile.touch_dataset import TEST_STRIDE, TouchDataParameters, 
 MOTIONS = ("rotation", "translation", "mixed")  # across the finger, along it, both
 
 
-def compare(
+def compare_controllers(
     trained: TrainedTouch,
     person: ToucherParameters,
     finger: FingerParameters,
     parameters: ServoTrialParameters,
-    chosen: Sequence[Variant],
+    chosen: Sequence[ServoVariant],
 ) -> dict[str, pd.DataFrame]:
     """Run several controllers on the same trials, within the region the person demonstrated.
 
-    Returns tables keyed by name, with the columns of `Variant`. `trials`: `seed`, `trial`, `motion`, contacts
-    and latent states of start and target, and `servo_scores.scored`; `progress`: see `servo_scores.progress`;
-    `paths`: the first trials of every seed, for unablated controllers, see `_paths`.
+    Returns tables keyed by name, with the columns of `ServoVariant`. `trials`: `seed`, `trial`, `motion`,
+    contacts and latent states of start and target, and `servo_scores.scored`; `progress`: of
+    `servo_scores.servo_progress`; `paths`: the first trials of every seed, see `_paths`.
     """
     run = partial(_run, trained=trained, person=person, finger=finger, parameters=parameters)
     results = parallel_map(run, chosen, "closed loops", local=True)
@@ -104,7 +104,7 @@ def draw(
 
 
 def make_controller(
-    variant: Variant, trained: TrainedTouch, parameters: ServoTrialParameters, sample_hz: float
+    variant: ServoVariant, trained: TrainedTouch, parameters: ServoTrialParameters, sample_hz: float
 ) -> tuple[TactileServo, LoopParameters]:
     """Controller with the models of all seeds, and its timing; electrodes are read at `sample_hz`."""
     form = parameters.published if variant.form == PUBLISHED else parameters.resting
@@ -127,7 +127,7 @@ def make_controller(
 
 
 def _run(
-    variant: Variant,
+    variant: ServoVariant,
     trained: TrainedTouch,
     person: ToucherParameters,
     finger: FingerParameters,
@@ -139,7 +139,7 @@ def _run(
     models = len(trained.models.seeds)
     places, wanted, motion = draw(person, parameters, models, rng)
     tilt = np.radians(parameters.tilt_deg) * rng.standard_normal((2, len(places), 2))
-    start, target = press(places, tilt[0], scene, rng), press(wanted, tilt[1], scene, rng)
+    start, target = press_skin(places, tilt[0], scene, rng), press_skin(wanted, tilt[1], scene, rng)
     controller, loop = make_controller(variant, trained, parameters, scene.sample_hz)
     run = servo(controller, models, start, target, scene, loop, parameters.duration_s, rng)
     seed = np.repeat(trained.models.seeds, parameters.trials)
@@ -150,11 +150,11 @@ def _run(
         columns[f"{name}_load_n"] = held.contact.load
     columns |= {f"target_latent_{name}": run.target_latent[:, place] for place, name in enumerate("xyz")}
     trials = pd.DataFrame(columns).join(scored(run, start, target, scene, parameters.tolerance))
-    plain = variant == Variant(variant.form, variant.inverse)
+    plain = variant == ServoVariant(variant.form, variant.inverse)
     shown = np.flatnonzero(plain & (number < parameters.shown))
     tables = {
         "trials": trials,
-        "progress": progress(run, target, scene, parameters.tolerance),
+        "progress": servo_progress(run, target, scene, parameters.tolerance),
         "paths": _paths(run, scene, shown, seed[shown], number[shown]),
     }
     for table in tables.values():
@@ -214,4 +214,4 @@ def learn_other_skin(
     measured = geodesics(dataset.contact_point, distances)
     training = latent.training.model_copy(update={"evaluate_every": latent.training.steps})
     fewer = {"seeds": other.seeds, "stacks": 1, "training": training}
-    return learn(dataset, measured, latent.model_copy(update=fewer))
+    return learn_latent_spaces(dataset, measured, latent.model_copy(update=fewer))

@@ -71,7 +71,7 @@ class ServoTrialParameters(Parameters):
 
 
 @dataclass(frozen=True)
-class Variant:
+class ServoVariant:
     """A controller under comparison."""
 
     form: str  # `PUBLISHED` or `ADAPTIVE`
@@ -82,24 +82,24 @@ class Variant:
     change: str = ""  # ablation, one of `CHANGES`, or empty
 
 
-def variants(horizon: int) -> list[Variant]:
+def variants(horizon: int) -> list[ServoVariant]:
     """All controllers under comparison."""
     every = [
-        Variant(form, inverse, structure, with_loss)
+        ServoVariant(form, inverse, structure, with_loss)
         for form in (PUBLISHED, ADAPTIVE)
         for structure in STRUCTURES
         for with_loss in (True, False)
         for inverse in FORWARD_OF
     ]
-    further = [Variant(ADAPTIVE, inverse, horizon=horizon) for inverse in (LOCALLY_LINEAR, JACOBIAN)]
-    slow = [Variant(PUBLISHED, inverse, change=AS_DATA) for inverse in FORWARD_OF]
-    without = [Variant(ADAPTIVE, "NJ", change=change) for change in CHANGES]
+    further = [ServoVariant(ADAPTIVE, inverse, horizon=horizon) for inverse in (LOCALLY_LINEAR, JACOBIAN)]
+    slow = [ServoVariant(PUBLISHED, inverse, change=AS_DATA) for inverse in FORWARD_OF]
+    without = [ServoVariant(ADAPTIVE, "NJ", change=change) for change in CHANGES]
     return every + further + slow + without
 
 
-def variants_of_other_skins() -> list[Variant]:
+def variants_of_other_skins() -> list[ServoVariant]:
     """Controllers that are also compared with other skins."""
-    return [Variant(form, inverse) for form in (PUBLISHED, ADAPTIVE) for inverse in FORWARD_OF]
+    return [ServoVariant(form, inverse) for form in (PUBLISHED, ADAPTIVE) for inverse in FORWARD_OF]
 
 
 SkinName = Literal["biotac", "flat_pad", "sphere"]

@@ -7,7 +7,7 @@ import numpy as np
 import pandas as pd
 
 from dissertation.servoing.names import AS_PUBLISHED, FORM_COLOURS, FORM_NAMES, LATENT, OURS, TRUE
-from dissertation.servoing.protocol.servo_variants import Variant
+from dissertation.servoing.protocol.servo_variants import ServoVariant
 from dissertation.servoing.recordings import servoing_scene as scene
 from dissertation.simulation.touch import Handle
 from structlearn.core import quaternion
@@ -54,9 +54,9 @@ class ServoRun:
 
 
 def shown_runs(trials: pd.DataFrame, paths: pd.DataFrame, count: int) -> list[dict[str, ServoRun]]:
-    """First trials of the first model, keyed by `SHOWN`, from the tables of `servo_trials.compare`."""
+    """First trials of the first model, keyed by `SHOWN`, of `servo_trials.compare_controllers`."""
 
-    def run(number: int, variant: Variant) -> ServoRun:
+    def run(number: int, variant: ServoVariant) -> ServoRun:
         path, trial = (
             matching(table, trial=number, seed=table["seed"].iloc[0], **vars(variant))
             for table in (paths, trials)

@@ -28,8 +28,8 @@ from dissertation.simulation.touch_demonstrator import (
     ToucherParameters,
     held_on_handle,
 )
-from structlearn.core import minimum_jerk
 from structlearn.core.params import Parameters
+from structlearn.core.signals import minimum_jerk
 
 if TYPE_CHECKING:  # torch takes a second to load, and the report does not need it
     from structlearn.tactile.servo_controller import TactileServo
@@ -112,7 +112,7 @@ def handle_of(person: ToucherParameters) -> Handle:
     return Handle(np.array(CENTRE), np.array([0.0, 1.0, 0.0]), half_length, radius)
 
 
-def press(places: np.ndarray, tilt: np.ndarray, scene: Scene, rng: np.random.Generator) -> Held:
+def press_skin(places: np.ndarray, tilt: np.ndarray, scene: Scene, rng: np.random.Generator) -> Held:
     """Press B fingers onto the handle and let them rest.
 
     `places` (B, 3): along and across the finger in m, load in N; `tilt` (B, 2): pitch and yaw in rad.
@@ -123,7 +123,7 @@ def press(places: np.ndarray, tilt: np.ndarray, scene: Scene, rng: np.random.Gen
     position, orientation = held_on_handle(along, across, load, scene.handle, finger, (pitch, yaw))
     contact = touching(position, orientation, scene.handle, finger)
     pressing = np.arange(1, round(PRESS_S * rate) + 1) / round(PRESS_S * rate)
-    rising = np.concatenate([minimum_jerk.progress(pressing), np.ones(round(scene.rest_s * rate))])
+    rising = np.concatenate([minimum_jerk(pressing), np.ones(round(scene.rest_s * rate))])
     points = np.broadcast_to(contact.point, (len(rising), *contact.point.shape))
     signal, memory = touch(rising[:, None] * contact.load, points, finger, rested(len(places), finger))
     return Held(position, orientation, contact, memory, read_out(signal, finger, rng) - scene.offset)

@@ -8,7 +8,7 @@ from typing import ClassVar
 
 import numpy as np
 
-from structlearn.core.compiled_calls import kernel
+from structlearn.core.compilation import kernel
 from structlearn.feedback.coupling_model import Compiled, CouplingModel
 from structlearn.feedback.models.pmnn import mlp_error, pack_mlp
 from structlearn.networks.compiled_layers import Layers, last_hidden

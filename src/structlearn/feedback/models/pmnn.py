@@ -14,7 +14,7 @@ from typing import Self
 
 import numpy as np
 
-from structlearn.core.compiled_calls import kernel
+from structlearn.core.compilation import kernel
 from structlearn.feedback.coupling_model import Compiled, CouplingModel
 from structlearn.networks.compiled_layers import Layers, last_hidden, layer_values, pack
 from structlearn.primitives import kernels

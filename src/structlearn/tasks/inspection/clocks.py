@@ -50,7 +50,7 @@ def topic_clocks(where: str, messages: RawMessages) -> TopicClocks:
 
     Raises InputError: a message cannot be decoded.
     """
-    log, headers = stamps_of(messages.log_times), np.zeros(len(messages.log_times), dtype=np.int64)
+    log, headers = stamp_statistics(messages.log_times), np.zeros(len(messages.log_times), dtype=np.int64)
     for group in decoded(where, messages):
         transforms = getattr(group.message, "transforms", None)
         first = transforms[0] if transforms else group.message
@@ -59,10 +59,10 @@ def topic_clocks(where: str, messages: RawMessages) -> TopicClocks:
     if not headers.any():
         return TopicClocks(log)
     delays_s = 1e-9 * (messages.log_times - headers)  # exact: the difference is taken in int64
-    return TopicClocks(log, stamps_of(headers), float(np.median(delays_s)))
+    return TopicClocks(log, stamp_statistics(headers), float(np.median(delays_s)))
 
 
-def stamps_of(stamps: np.ndarray) -> Stamps:
+def stamp_statistics(stamps: np.ndarray) -> Stamps:
     """Rate, gaps and disorder of stamps (T,) int64 ns, in message order."""
     steps, ordered = np.diff(stamps), np.unique(stamps)
     gaps_s = 1e-9 * np.diff(ordered) if len(ordered) > 1 else np.array([np.nan])

@@ -11,7 +11,7 @@ from typing import Literal, NamedTuple
 import numpy as np
 
 from structlearn.readers.clock import MAX_GAP_S
-from structlearn.tasks.inspection.hand_motion import Candidate, MotionSurvey, PoseSource, pose_words
+from structlearn.tasks.inspection.hand_motion import HandCandidate, MotionSurvey, PoseSource, pose_words
 from structlearn.tasks.inspection.source_survey import SourceSeen
 
 Verdict = Literal["yes", "doubtful", "no"]
@@ -50,7 +50,7 @@ def at_most(value: float, bounds: tuple[float, float]) -> Verdict:
 
 
 def fitness(
-    seen: SourceSeen, hand: Candidate | None, motion: MotionSurvey | None, topics: Sequence[str]
+    seen: SourceSeen, hand: HandCandidate | None, motion: MotionSurvey | None, topics: Sequence[str]
 ) -> Iterator[Answer]:
     """Answers to all questions that apply to the files.
 
@@ -75,12 +75,12 @@ def fitness(
         yield Answer("Do runs of motion agree in number?", verdict, number, advice)
     turned = [
         (float(np.abs(joints.values["joint_positions"]).max()), f"{topic} in {file}")
-        for file, topic, one in seen.on(topics)
-        for joints in one.joints
+        for file, topic, present in seen.on(topics)
+        for joints in present.joints
         if "joint_positions" in joints.values
     ]
     if turned:
-        largest, where = max(turned, key=lambda one: one[0])
+        largest, where = max(turned, key=lambda item: item[0])
         verdict = "yes" if largest <= MOST_TURNED else "doubtful"
         question, advice = "Are joints' positions in rad?", f"degrees? look at {where}"
         yield Answer(question, verdict, f"to {largest:.3g}", advice)
@@ -97,14 +97,14 @@ def _no_hand(seen: SourceSeen) -> Answer:
     return Answer("Is there a pose of the hand?", "no", "no poses or moving frames that can be read", advice)
 
 
-def _of_hand(seen: SourceSeen, hand: Candidate) -> Iterator[Answer]:
+def _of_hand(seen: SourceSeen, hand: HandCandidate) -> Iterator[Answer]:
     paths = hand.paths
     if missing := [file for file in seen.files if file.name not in paths]:
         reasons = [file.no_hands[hand.source] for file in missing if hand.source in file.no_hands]
         advice = "; ".join(reasons) or f"not in {', '.join(file.name for file in missing)}"
         number = f"{pose_words(hand.source)}: {len(paths)} of {len(seen.files)}"
         yield Answer("Does every file have the hand's pose?", "no", number, advice)
-    name, least = min(((name, path.extent_m) for name, path in paths.items()), key=lambda one: one[1])
+    name, least = min(((name, path.extent_m) for name, path in paths.items()), key=lambda item: item[1])
     verdict, advice = at_least(least, EXTENT_M), f"look at {name}"
     if hand.extent > FARTHEST_M:
         verdict, advice = "doubtful", "positions are read as m; were they written in mm?"
@@ -114,37 +114,37 @@ def _of_hand(seen: SourceSeen, hand: Candidate) -> Iterator[Answer]:
 
 def _of_clocks(seen: SourceSeen, topics: Sequence[str], pose: PoseSource) -> Iterator[Answer]:
     clocks = seen.clocks(topics)
-    stamped, names = {topic for _, topic, one in clocks if one.header}, {topic for _, topic, _ in clocks}
+    stamped, names = {topic for _, topic, pair in clocks if pair.header}, {topic for _, topic, _ in clocks}
     without = ", ".join(sorted(names - stamped))
-    number, told = (
+    number, words = (
         f"{len(stamped)} of {len(names)} topics have header stamps",
         f"the log time stands in for {without}",
     )
     verdict: Verdict = "doubtful" if without else "yes"
-    yield Answer("Do messages say when they were taken?", verdict, number, told)
+    yield Answer("Do messages say when they were taken?", verdict, number, words)
     if stamped:
         off, name = out_of_step(seen, topics)
         advice = f"look at {name}: delays of topics differ"
         yield Answer("Are the clocks in step?", at_most(off, IN_STEP_S), f"to {1e3 * off:.3g} ms", advice)
     series = seen.series(topics, pose)
-    name, topic, one = max(series, key=lambda item: item[2].disorder)
-    number = f"all but {one.disorder:.2g} of them" if one.disorder else "all do"
-    advice = f"in {name}, {topic}, {one.repeated} repeat and {one.backward} run back"
-    yield Answer("Do stamps increase?", at_most(one.disorder, DISORDERED), number, advice)
-    name, topic, one = max(series, key=lambda item: np.nan_to_num(item[2].largest_gap_s, nan=np.inf))
-    verdict = at_most(one.largest_gap_s, (MAX_GAP_S, MAX_GAP_S))
-    advice = f"in {name}, {topic}, at {one.gap_at_s:.3g} s; `clock: {{max_gap_s: ...}}`"
-    yield Answer("Are streams without gaps?", verdict, f"largest {one.largest_gap_s:.3g} s", advice)
-    name, topic, one = min(series, key=lambda item: np.nan_to_num(item[2].rate_hz, nan=0.0))
-    verdict, number = at_least(one.rate_hz, RATES_HZ), f"slowest {one.rate_hz:.4g} Hz"
+    name, topic, stamps = max(series, key=lambda item: item[2].disorder)
+    number = f"all but {stamps.disorder:.2g} of them" if stamps.disorder else "all do"
+    advice = f"in {name}, {topic}, {stamps.repeated} repeat and {stamps.backward} run back"
+    yield Answer("Do stamps increase?", at_most(stamps.disorder, DISORDERED), number, advice)
+    name, topic, stamps = max(series, key=lambda item: np.nan_to_num(item[2].largest_gap_s, nan=np.inf))
+    verdict = at_most(stamps.largest_gap_s, (MAX_GAP_S, MAX_GAP_S))
+    advice = f"in {name}, {topic}, at {stamps.gap_at_s:.3g} s; `clock: {{max_gap_s: ...}}`"
+    yield Answer("Are streams without gaps?", verdict, f"largest {stamps.largest_gap_s:.3g} s", advice)
+    name, topic, stamps = min(series, key=lambda item: np.nan_to_num(item[2].rate_hz, nan=0.0))
+    verdict, number = at_least(stamps.rate_hz, RATES_HZ), f"slowest {stamps.rate_hz:.4g} Hz"
     yield Answer("Are topics fast enough?", verdict, number, f"in {name}, {topic}")
 
 
 def out_of_step(seen: SourceSeen, topics: Sequence[str]) -> tuple[float, str]:
     """Largest difference in s between the delays of a file's topics, and that file; common delays cancel."""
-    found = [(0.0, "")]
+    lags = [(0.0, "")]
     for file in seen.files:
-        delays = [one.delay_s for name, _, one in seen.clocks(topics) if name == file.name and one.header]
+        delays = [pair.delay_s for name, _, pair in seen.clocks(topics) if name == file.name and pair.header]
         if delays:
-            found.append((float(np.ptp(delays)), file.name))
-    return max(found)
+            lags.append((float(np.ptp(delays)), file.name))
+    return max(lags)

@@ -17,8 +17,8 @@ from structlearn.core.errors import InputError
 from structlearn.readers.demonstration import Stream
 from structlearn.readers.source import JointPose, TransformPose
 from structlearn.rigid_body.urdf import HANDS
-from structlearn.segmentation.motion_runs import FRACTIONS, Motion, pace, runs_of_motion
-from structlearn.tasks.inspection.clocks import Stamps, stamps_of
+from structlearn.segmentation.motion_runs import FRACTIONS, AxisMotion, pace, runs_of_motion
+from structlearn.tasks.inspection.clocks import Stamps, stamp_statistics
 
 # Hz, low-pass of positions before differentiation: as used for finding a movement
 SPEED_HZ = 2.0
@@ -82,10 +82,10 @@ def hand_path(stream: Stream) -> HandPath:
     turned = None
     if (norms > 0.0).all():
         turned = quaternion.interpolate(np.minimum(ticks, time[-1]), time, values[:, 3:] / norms[:, None])
-    return HandPath(dt, position, speed, turned, stamps_of(stream.stamps))
+    return HandPath(dt, position, speed, turned, stamp_statistics(stream.stamps))
 
 
-class Candidate(NamedTuple):
+class HandCandidate(NamedTuple):
     """A pose source with its paths by file, and the medians of their extents and lengths in m."""
 
     source: PoseSource
@@ -106,7 +106,7 @@ def pose_words(source: PoseSource) -> str:
     return source if isinstance(source, str) else f"{source.tip} by the joints in {source.topic}"
 
 
-def candidates(hands: Mapping[str, Mapping[PoseSource, HandPath]]) -> list[Candidate]:
+def hand_candidates(hands: Mapping[str, Mapping[PoseSource, HandPath]]) -> list[HandCandidate]:
     """All pose sources with a path in some file, the most likely for the hand first.
 
     Sources that move, in most of the files, come first; then topics of poses before transforms before
@@ -116,17 +116,17 @@ def candidates(hands: Mapping[str, Mapping[PoseSource, HandPath]]) -> list[Candi
     for source in dict.fromkeys(source for by_source in hands.values() for source in by_source):
         paths = {name: by_source[source] for name, by_source in hands.items() if source in by_source}
         sizes = [(path.extent_m, float(path.speed.sum() * path.dt)) for path in paths.values()]
-        every.append(Candidate(source, paths, *np.median(sizes, axis=0).tolist()))
+        every.append(HandCandidate(source, paths, *np.median(sizes, axis=0).tolist()))
 
-    def rank(one: Candidate) -> tuple:
+    def rank(candidate: HandCandidate) -> tuple:
         """Sort key, small for likely sources; ties keep the order of names."""
-        kind, path_length = type(one.source), one.travelled
+        kind, path_length = type(candidate.source), candidate.travelled
         farthest = max(other.travelled for other in every if type(other.source) is kind)
         if kind is not str and path_length >= ALIKE * farthest:
             path_length = farthest
-        named = isinstance(one.source, TransformPose) and HANDS.search(one.source.child)
-        unlikely = not one.moves or 2 * len(one.paths) <= len(hands)
-        return unlikely, KINDS.index(kind), -len(one.paths), not named, -path_length
+        named = isinstance(candidate.source, TransformPose) and HANDS.search(candidate.source.child)
+        unlikely = not candidate.moves or 2 * len(candidate.paths) <= len(hands)
+        return unlikely, KINDS.index(kind), -len(candidate.paths), not named, -path_length
 
     return sorted(every, key=rank)
 
@@ -157,14 +157,14 @@ class MotionSurvey(NamedTuple):
 
 def survey_motion(paths: Mapping[str, HandPath]) -> MotionSurvey:
     """Find the runs of motion of demonstrations by name, and their most common number."""
-    moved = [Motion(path.position, path.speed, path.speed, False) for path in paths.values()]
+    moved = [AxisMotion(path.position, path.speed, path.speed, False) for path in paths.values()]
     choices = []
     for (place, fraction), with_short in product(enumerate(FRACTIONS), (True, False)):
         threshold = fraction * pace(moved)
         runs = {name: motion_runs(path, threshold) for name, path in paths.items()}
         rows = {}
-        for name, its in runs.items():
-            rows[name] = tuple(run.short for run in its if with_short or not run.short)
+        for name, moves in runs.items():
+            rows[name] = tuple(run.short for run in moves if with_short or not run.short)
         row, count = max(Counter(rows.values()).items(), key=lambda item: (item[1], len(item[0])))
         agreeing = tuple(name for name in rows if rows[name] == row)
         rank = (count, len(row) > 0, with_short, -abs(place - PREFERRED))
@@ -191,8 +191,10 @@ def motion_runs(path: HandPath, threshold: float) -> list[MotionRun]:
         return []
     pauses = np.flatnonzero((runs[1:, 0] - runs[:-1, 1]) * path.dt > BRIDGE_S)
     first, last = runs[np.append(0, pauses + 1), 0], runs[np.append(pauses, len(runs) - 1), 1]
-    ways = [float(path.speed[a : b + 1].sum() * path.dt) for a, b in zip(first, last, strict=True)]
+    lengths = [float(path.speed[a : b + 1].sum() * path.dt) for a, b in zip(first, last, strict=True)]
     return [
-        MotionRun(float(a * path.dt), float(b * path.dt), path_length, path_length < SHORT_SHARE * max(ways))
-        for a, b, path_length in zip(first, last, ways, strict=True)
+        MotionRun(
+            float(a * path.dt), float(b * path.dt), path_length, path_length < SHORT_SHARE * max(lengths)
+        )
+        for a, b, path_length in zip(first, last, lengths, strict=True)
     ]

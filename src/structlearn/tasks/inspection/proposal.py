@@ -14,7 +14,7 @@ from structlearn.readers.messages import READERS
 from structlearn.readers.source import JointPose
 from structlearn.rigid_body.urdf import moving_joints
 from structlearn.tasks.inspection.fitness import IN_STEP_S, out_of_step
-from structlearn.tasks.inspection.hand_motion import Candidate, MotionSurvey, pose_words
+from structlearn.tasks.inspection.hand_motion import HandCandidate, MotionSurvey, pose_words
 from structlearn.tasks.inspection.source_survey import SourceSeen
 from structlearn.tasks.task_files import is_name, local_path
 
@@ -38,7 +38,7 @@ class Proposal(NamedTuple):
 
 
 def propose(
-    seen: SourceSeen, hand: Candidate, others: Sequence[Candidate], motion: MotionSurvey | None
+    seen: SourceSeen, hand: HandCandidate, others: Sequence[HandCandidate], motion: MotionSurvey | None
 ) -> Proposal:
     """Propose an entry for the chosen pose source, other sources in order of likelihood, and the motion."""
     source = hand.source
@@ -78,7 +78,7 @@ def from_home(path: str) -> str:
 
 
 def _topics(
-    seen: SourceSeen, hand: Candidate, others: Sequence[Candidate]
+    seen: SourceSeen, hand: HandCandidate, others: Sequence[HandCandidate]
 ) -> tuple[dict[str, Any], dict[str, list[str]]]:
     source = hand.source
     topics: dict[str, Any] = {
@@ -111,20 +111,20 @@ def _topics(
 def _of_types(seen: SourceSeen, types: Collection[str]) -> list[str]:
     """Topics with messages of some types that every file has, sorted by name."""
     fitting = [
-        {name for name, its in file.topics.items() if its.clocks and set(its.types) <= set(types)}
+        {name for name, topic in file.topics.items() if topic.clocks and set(topic.types) <= set(types)}
         for file in seen.files
     ]
     return sorted(set.intersection(*fitting))
 
 
-def _pose_warnings(seen: SourceSeen, hand: Candidate, others: Sequence[Candidate]) -> Iterator[str]:
+def _pose_warnings(seen: SourceSeen, hand: HandCandidate, others: Sequence[HandCandidate]) -> Iterator[str]:
     if not hand.moves:
         yield "it does not move"
     if missing := [file.name for file in seen.files if file.name not in hand.paths]:
         yield f"not in {_listed(missing)}, which cannot be read by this entry"
     if others:
-        ways = [f"{pose_words(one.source)}, which goes {one.travelled:.4g} m" for one in others]
-        yield f"also there: {_listed(ways, 3)}"
+        descriptions = [f"{pose_words(other.source)}, which goes {other.travelled:.4g} m" for other in others]
+        yield f"also there: {_listed(descriptions, 3)}"
 
 
 def _robot(seen: SourceSeen, urdf: str, pose: JointPose) -> dict[str, Any]:
@@ -135,7 +135,7 @@ def _robot(seen: SourceSeen, urdf: str, pose: JointPose) -> dict[str, Any]:
     return {"urdf": from_home(urdf), "tip": pose.tip, "locked_joints": locked}
 
 
-def _robot_warnings(hand: Candidate, arm: Candidate) -> list[str]:
+def _robot_warnings(hand: HandCandidate, arm: HandCandidate) -> list[str]:
     """Warn if the robot's tip, computed from its joints, does not start where the hand does."""
     both = [(path, arm.paths[name]) for name, path in hand.paths.items() if name in arm.paths]
     apart = max((float(np.linalg.norm(a.position[0] - b.position[0])) for a, b in both), default=0.0)
@@ -145,20 +145,23 @@ def _robot_warnings(hand: Candidate, arm: Candidate) -> list[str]:
     return [f"{where}: give `base`, where the robot stands, or `tool`, what it holds"]
 
 
-def _stamps(seen: SourceSeen, read: Sequence[str], hand: Candidate) -> tuple[dict[str, str], list[str]]:
+def _stamps(seen: SourceSeen, read: Sequence[str], hand: HandCandidate) -> tuple[dict[str, str], list[str]]:
     """Proposed reading of stamps, and reasons if it is not the default."""
     off, _ = out_of_step(seen, read)
     by_log = off > IN_STEP_S[1]
-    logs = [(name, topic, one.log) for name, topic, one in seen.clocks(read)]
+    logs = [(name, topic, clocks.log) for name, topic, clocks in seen.clocks(read)]
     taken = logs if by_log else seen.series(read, hand.source)
-    repeated, backward = sum(one.repeated for *_, one in taken), sum(one.backward for *_, one in taken)
+    repeated, backward = (
+        sum(stamps.repeated for *_, stamps in taken),
+        sum(stamps.backward for *_, stamps in taken),
+    )
     disorder = "sort" if backward else "drop" if repeated else "error"
     warnings = [f"clocks of headers are out of step by {off:.3g} s: the log's is taken"] if by_log else []
     if repeated or backward:
-        where = sorted({f"{name} {topic}" for name, topic, one in taken if one.disorder})
+        where = sorted({f"{name} {topic}" for name, topic, stamps in taken if stamps.disorder})
         warnings.append(
-            f"of {sum(one.count for *_, one in taken)} stamps {repeated} repeat and {backward} run back, "
-            f"in {_listed(where)}; `error` would refuse them"
+            f"of {sum(stamps.count for *_, stamps in taken)} stamps {repeated} repeat and {backward} run back"
+            f", in {_listed(where)}; `error` would refuse them"
         )
     return {"clock": "log" if by_log else "header", "disorder": disorder}, warnings
 

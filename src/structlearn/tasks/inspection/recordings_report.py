@@ -13,14 +13,14 @@ import yaml
 from structlearn.core.artefacts import publish
 from structlearn.core.errors import printable
 from structlearn.readers.messages import FIELDS
-from structlearn.tasks.inspection.clocks import TopicClocks, stamps_of
+from structlearn.tasks.inspection.clocks import TopicClocks, stamp_statistics
 from structlearn.tasks.inspection.fitness import Answer, fitness
 from structlearn.tasks.inspection.hand_motion import (
     BRIDGE_S,
-    Candidate,
+    HandCandidate,
     MotionRun,
     MotionSurvey,
-    candidates,
+    hand_candidates,
     pose_words,
     survey_motion,
 )
@@ -34,65 +34,67 @@ RIGHT = (2, 3, 4, 6)  # columns of numbers
 SECONDS_OF_A_YEAR = 3.2e7
 
 
-class Findings(NamedTuple):
+class SourceReport(NamedTuple):
     """Contents of a source, and conclusions."""
 
     seen: SourceSeen
-    sources: Sequence[Candidate]  # of poses; the first is taken as the hand's
+    sources: Sequence[HandCandidate]  # of poses; the first is taken as the hand's
     motion: MotionSurvey | None  # None: the hand does not move
     proposal: Proposal | None  # None: nothing could be the hand's pose
     answers: Sequence[Answer]
 
 
-def inspect(source: str, urdf: str | None, output: Path | None) -> None:
+def inspect_source(source: str, urdf: str | None, output: Path | None) -> None:
     """Print a report on a source; publish the proposed entry if `output` is given."""
-    found = find_out(source, urdf)
-    print("\n".join(printable(line).rstrip() for line in report(found)))
-    if output is not None and found.proposal is not None:
+    report = find_out(source, urdf)
+    print("\n".join(printable(line).rstrip() for line in report_lines(report)))
+    if output is not None and report.proposal is not None:
         with publish(output) as path:
-            path.write_text("\n".join(as_yaml(found.proposal)) + "\n", encoding="utf-8")
+            path.write_text("\n".join(as_yaml(report.proposal)) + "\n", encoding="utf-8")
 
 
-def find_out(source: str, urdf: str | None = None) -> Findings:
+def find_out(source: str, urdf: str | None = None) -> SourceReport:
     """Survey a source (see `look_at`), its motion and fitness, and propose an entry."""
     seen = look_at(source, urdf)
-    found = candidates({file.name: file.hands for file in seen.files})
-    if not found:
-        return Findings(seen, (), None, None, list(fitness(seen, None, None, ())))
-    motion = survey_motion(found[0].paths) if found[0].moves else None
-    proposal = propose(seen, found[0], found[1:], motion)
-    return Findings(seen, found, motion, proposal, list(fitness(seen, found[0], motion, proposal.read)))
+    candidates = hand_candidates({file.name: file.hands for file in seen.files})
+    if not candidates:
+        return SourceReport(seen, (), None, None, list(fitness(seen, None, None, ())))
+    motion = survey_motion(candidates[0].paths) if candidates[0].moves else None
+    proposal = propose(seen, candidates[0], candidates[1:], motion)
+    return SourceReport(
+        seen, candidates, motion, proposal, list(fitness(seen, candidates[0], motion, proposal.read))
+    )
 
 
-def report(found: Findings) -> Iterator[str]:
+def report_lines(report: SourceReport) -> Iterator[str]:
     """Lines of the whole report."""
-    seen = found.seen
+    seen = report.seen
     yield from (f"{seen.source}: {len(seen.files)} recording{'s' if seen.files[1:] else ''}", "")
     for file in seen.files:
         yield from (*_file(file), "")
     yield from (f"{name}: left out: {reason}" for name, reason in seen.damaged.items())
-    if found.sources:
+    if report.sources:
         yield "Candidates for the pose of the hand (medians over the files); the first is used"
         rows = [("source", "files", "extent", "way")]
-        for one in found.sources:
-            sizes = f"{one.extent:.3g} m", f"{one.travelled:.3g} m"
-            rows.append((pose_words(one.source), str(len(one.paths)), *sizes))
+        for source in report.sources:
+            sizes = f"{source.extent:.3g} m", f"{source.travelled:.3g} m"
+            rows.append((pose_words(source.source), str(len(source.paths)), *sizes))
         yield from (*_aligned(rows, range(1, 4)), "")
-    if found.motion is not None:
-        above = f"above {found.motion.threshold:.2g} m/s, s since the first sample"
+    if report.motion is not None:
+        above = f"above {report.motion.threshold:.2g} m/s, s since the first sample"
         yield f"Runs of motion {above}; dips up to {BRIDGE_S:g} s are joined, short runs are in brackets"
-        its = [(name, f"{len(runs)}", _times(runs)) for name, runs in found.motion.runs.items()]
-        yield from (*_aligned(its, (1,)), "")
+        moves = [(name, f"{len(runs)}", _times(runs)) for name, runs in report.motion.runs.items()]
+        yield from (*_aligned(moves, (1,)), "")
     yield "Suitable for learning?"
     answers = [
-        (one.verdict, one.question, one.number, "" if one.verdict == "yes" else one.advice)
-        for one in found.answers
+        (answer.verdict, answer.question, answer.number, "" if answer.verdict == "yes" else answer.advice)
+        for answer in report.answers
     ]
     yield from (*_aligned(answers, ()), "")
-    if found.proposal is None:
+    if report.proposal is None:
         yield "No entry can be proposed: no stream could be the pose of a hand."
     else:
-        yield from ("To paste below `movement:` in structlearn.yaml:", "", *as_yaml(found.proposal))
+        yield from ("To paste below `movement:` in structlearn.yaml:", "", *as_yaml(report.proposal))
 
 
 def as_yaml(proposal: Proposal) -> list[str]:
@@ -132,7 +134,7 @@ def _file(file: FileSeen) -> Iterator[str]:
         for joints in seen.joints:
             filled = ", ".join(FIELDS[kind] for kind in joints.values) or "nothing that is filled"
             names = ", ".join(joints.names) or "no names"
-            rate = stamps_of(joints.stamps).rate_hz
+            rate = stamp_statistics(joints.stamps).rate_hz
             yield f"  joints in {topic}: {names} ({filled}; {len(joints.stamps)} samples, {rate:.4g} Hz)"
         if seen.fault:
             yield f"  cannot be read: {seen.fault}"
@@ -152,8 +154,8 @@ def _clock(clocks: TopicClocks) -> tuple[str, ...]:
 
 
 def _times(runs: Sequence[MotionRun]) -> str:
-    words = [f"{one.start_s:.2f}-{one.end_s:.2f}" for one in runs]
-    return ", ".join(f"({word})" if one.short else word for one, word in zip(runs, words, strict=True))
+    words = [f"{run.start_s:.2f}-{run.end_s:.2f}" for run in runs]
+    return ", ".join(f"({word})" if run.short else word for run, word in zip(runs, words, strict=True))
 
 
 def _aligned(rows: Sequence[Sequence[str]], right: Sequence[int]) -> list[str]:

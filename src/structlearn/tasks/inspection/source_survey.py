@@ -19,7 +19,7 @@ from structlearn.readers.raw_messages import RawMessages
 from structlearn.readers.source import JointPose, StampPolicy, TopicMap, TransformPose
 from structlearn.readers.source_files import RecordingFile, recording_files
 from structlearn.rigid_body.urdf import HANDS, counterparts, moving_joints, tips
-from structlearn.tasks.inspection.clocks import Stamps, TopicClocks, stamps_of, topic_clocks
+from structlearn.tasks.inspection.clocks import Stamps, TopicClocks, stamp_statistics, topic_clocks
 from structlearn.tasks.inspection.hand_motion import HandPath, PoseSource, hand_path
 from structlearn.tasks.task_files import local_path
 
@@ -141,7 +141,7 @@ def arm_of(topics: Mapping[str, TopicSeen]) -> tuple[str, JointSeries] | None:
 def _topic_seen(where: str, topic: str, names: tuple[str, ...], messages: RawMessages | None) -> TopicSeen:
     if messages is None:
         return TopicSeen(names, None)
-    clocks = TopicClocks(stamps_of(messages.log_times))
+    clocks = TopicClocks(stamp_statistics(messages.log_times))
     seen = TopicSeen(names, clocks, series=[clocks.own])
     try:
         clocks = topic_clocks(where, messages)
@@ -150,11 +150,11 @@ def _topic_seen(where: str, topic: str, names: tuple[str, ...], messages: RawMes
             joints, mended = joint_series(where, topic, messages, AS_THEY_COME)
             seen = seen._replace(joints=joints)
             if joints and mended is None:
-                its = chosen(where, joints, None)[0]
-                seen = seen._replace(series=[stamps_of(one.stamps) for one in its])
+                kept = chosen(where, joints, None)[0]
+                seen = seen._replace(series=[stamp_statistics(part.stamps) for part in kept])
         elif set(names) <= READERS["transforms"].keys():
-            found = transform_series(where, messages, AS_THEY_COME)
-            seen = seen._replace(links=[found[edge] for edge in sorted(found)])
+            transforms = transform_series(where, messages, AS_THEY_COME)
+            seen = seen._replace(links=[transforms[edge] for edge in sorted(transforms)])
     except InputError as error:
         seen = seen._replace(fault=str(error))
     return seen
@@ -162,14 +162,14 @@ def _topic_seen(where: str, topic: str, names: tuple[str, ...], messages: RawMes
 
 def pose_sources(topics: Mapping[str, TopicSeen], urdf: str | None) -> list[PoseSource]:
     """Possible sources of the hand's pose: topics of poses, then moving frames, then the robot's tip."""
-    found: list[PoseSource] = [
+    sources: list[PoseSource] = [
         topic for topic, seen in topics.items() if len(seen.types) == 1 and seen.types[0] in READERS["pose"]
     ]
     for topic, seen in topics.items():
         if seen.links and not topic.endswith("_static"):
             static = topics[f"{topic}_static"].links if f"{topic}_static" in topics else ()
             pairs = frame_pairs(seen.links, static)
-            found += [TransformPose(parent=parent, child=child, topic=topic) for parent, child in pairs]
+            sources += [TransformPose(parent=parent, child=child, topic=topic) for parent, child in pairs]
     if urdf and (arm := arm_of(topics)):
         topic, joints = arm
         names = {}
@@ -177,8 +177,8 @@ def pose_sources(topics: Mapping[str, TopicSeen], urdf: str | None) -> list[Pose
             names = counterparts(local_path(urdf), joints.names)
             ends = tips(local_path(urdf), names.values())
         renamed = tuple(names.items())
-        found += [JointPose(urdf=urdf, tip=tip, topic=topic, joints=renamed) for tip in ends[:1]]
-    return found
+        sources += [JointPose(urdf=urdf, tip=tip, topic=topic, joints=renamed) for tip in ends[:1]]
+    return sources
 
 
 def frame_pairs(
@@ -194,14 +194,14 @@ def frame_pairs(
     moves = {link.child for link in moving if link.moves}
     pairs, above = set(), set()
     for end in parents.keys() - set(parents.values()):
-        way = [end]
-        while way[-1] in parents and parents[way[-1]] not in way:  # a cycle of frames has no root
-            way.append(parents[way[-1]])
-        hand = next((place for place, frame in enumerate(way) if HANDS.search(frame)), 0)
-        if moves.intersection(way[hand:]):
-            base = max(place for place, frame in enumerate(way) if frame in children) + 1
-            pairs.add((way[base], way[hand]))
-            above |= set(way[hand + 1 :])
+        chain = [end]
+        while chain[-1] in parents and parents[chain[-1]] not in chain:  # a cycle of frames has no root
+            chain.append(parents[chain[-1]])
+        hand = next((place for place, frame in enumerate(chain) if HANDS.search(frame)), 0)
+        if moves.intersection(chain[hand:]):
+            base = max(place for place, frame in enumerate(chain) if frame in children) + 1
+            pairs.add((chain[base], chain[hand]))
+            above |= set(chain[hand + 1 :])
     ends = [pair for pair in pairs if pair[1] not in above]
     return sorted(ends, key=lambda pair: (not HANDS.search(pair[1]), pair[1]))
 
@@ -209,4 +209,6 @@ def frame_pairs(
 def _poses(file: RecordingFile, source: PoseSource) -> Stream:
     none = dict.fromkeys(("twist", "joints", "wrench", "tool_to_board"))
     topics = TopicMap(pose=source, joint_states=(), tactile=(), **none)
-    return next(one for one in read_recording(file, topics, AS_THEY_COME).streams if one.kind == "pose")
+    return next(
+        stream for stream in read_recording(file, topics, AS_THEY_COME).streams if stream.kind == "pose"
+    )

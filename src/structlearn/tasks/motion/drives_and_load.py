@@ -17,7 +17,7 @@ from structlearn.rigid_body.dynamics_models import DynamicsModels
 from structlearn.rigid_body.friction import FRICTIONS
 from structlearn.rigid_body.identification import drawn_fits
 from structlearn.rigid_body.log_fitness import current_delays, moving_gains, resting_gains
-from structlearn.rigid_body.motion import Motion, excited, joined, smoothed_motion
+from structlearn.rigid_body.motion import Motion, excited, joined_motions, smoothed_motion
 from structlearn.rigid_body.payload import PayloadLearningParameters, identify_load, learn_payload
 from structlearn.rigid_body.regressor import (
     SYMMETRIC_COLUMNS,
@@ -58,12 +58,12 @@ def drive_tables(
     first, last = own.delays_s
     delays = first + own.delay_step_s * np.arange(round((last - first) / own.delay_step_s) + 1)
     # keyed by quantity and log: number of blocks, values (n,), draws (D, n)
-    found: dict[tuple[str, str], tuple[int, np.ndarray, np.ndarray]] = {}
+    measured: dict[tuple[str, str], tuple[int, np.ndarray, np.ndarray]] = {}
     curves = []
     if own.rest is not None:
         rest = logs[own.rest]
         gains = resting_gains(rest.desired_currents, rest.target_torques, *drawing)
-        found[names.AT_REST, rest.name] = (block_count(len(rest.stamps), parameters.block), *gains)
+        measured[names.AT_REST, rest.name] = (block_count(len(rest.stamps), parameters.block), *gains)
     for name in filter(None, (parameters.train, parameters.test)):
         log = logs[name]
         cut = longest_motion(name, log.velocities, parameters)
@@ -74,16 +74,18 @@ def drive_tables(
         whole = smoothed_motion(name, positions, velocities, currents[0], dt, parameters.smoothing_hz)
         cut = longest_motion(name, whole.qd, parameters)
         states = whole.part(cut)
-        smooth = np.stack([signals.low_pass(its, dt, parameters.smoothing_hz)[cut] for its in currents])
+        smooth = np.stack(
+            [signals.low_pass(current, dt, parameters.smoothing_hz)[cut] for current in currents]
+        )
         late, drawn_late, squares = current_delays(tree, states, smooth, delays, FRICTION, *drawing)
         count = block_count(len(states), parameters.block)
-        found |= {(names.IN_MOTION, name): (count, *gains), (names.DELAY, name): (count, late, drawn_late)}
+        measured |= {(names.IN_MOTION, name): (count, *gains), (names.DELAY, name): (count, late, drawn_late)}
         grid = {"delay_s": np.repeat(delays, len(joints)), "joint": np.tile(joints, len(delays))}
         curves.append(pd.DataFrame({"log": name} | grid | {"squares": squares.ravel()}))
     every = {"draw": np.repeat(np.arange(parameters.draws), len(joints))}
     every |= {"joint": np.tile(joints, parameters.draws)}
     tables, drawn = [], []
-    for (quantity, name), (count, values, draws) in found.items():
+    for (quantity, name), (count, values, draws) in measured.items():
         keys = {"quantity": quantity, "log": name}
         tables.append(pd.DataFrame(keys | {"blocks": count, "joint": joints, "value": values}))
         drawn.append(pd.DataFrame(keys | every | {"value": draws.ravel()}))
@@ -97,7 +99,7 @@ def drive_tables(
 
 
 def log_on_clock(
-    log: DriveLog, rate_hz: float, delays_s: np.ndarray, max_gap_s: float = MAX_GAP_S
+    log: DriveLog, rate_hz: float, delays_s: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
     """Resample a log to a uniform clock (`clock.on_one_clock`), shifting each joint's current by its delay.
 
@@ -113,8 +115,8 @@ def log_on_clock(
         Stream("currents", "joint_torques", log.stamps - late[place], log.currents[:, [place[-1]]])
         for place in np.ndindex(late.shape)
     ]
-    time, (positions, velocities, *currents) = on_one_clock(log.name, streams, rate_hz, max_gap_s)
-    stacked = np.stack([its[:, 0] for its in currents]).reshape(*late.shape, -1)
+    time, (positions, velocities, *currents) = on_one_clock(log.name, streams, rate_hz, MAX_GAP_S)
+    stacked = np.stack([current[:, 0] for current in currents]).reshape(*late.shape, -1)
     return time, positions, velocities, np.ascontiguousarray(np.swapaxes(stacked, -1, -2))
 
 
@@ -148,8 +150,8 @@ def found_gains(drives: pd.DataFrame, parameters: MotionParameters) -> pd.DataFr
     measured = _of(drives, names.AT_REST, own.rest).reindex(moving.index)
     substitute = pd.Series(own.assumed_gains, dtype=float).map(measured).reindex(moving.index)
     assumed = measured.isna() & substitute.notna()
-    found = measured.fillna(substitute).fillna(moving)
-    return pd.DataFrame({"found": found, "assumed": assumed, "quoted": own.quoted_gains}).reset_index()
+    gains = measured.fillna(substitute).fillna(moving)
+    return pd.DataFrame({"found": gains, "assumed": assumed, "quoted": own.quoted_gains}).reset_index()
 
 
 def weighed_loads(
@@ -170,14 +172,14 @@ def weighed_loads(
     work = []
     for gain, values in gains.items():
         ratio = values / gains[names.FOUND]
-        scaled = {log: replace(its, torque=its.torque * ratio) for log, its in motions.items()}
+        scaled = {log: replace(motion, torque=motion.torque * ratio) for log, motion in motions.items()}
         for name, its in compared.items():
             work.append((name, gain, [(scaled[empty], scaled[loaded]) for empty, loaded in its]))
     length, draws, seed = parameters.drawing
     weigh = partial(identify_load, tree, friction=FRICTION, length=length, draws=draws, seed=seed)
-    found = parallel_map(weigh, [both for _, _, both in work], "loads")
+    weighed = parallel_map(weigh, [both for _, _, both in work], "loads")
     rows, drawn = [], []
-    for (name, gain, both), (load, masses) in zip(work, found, strict=True):
+    for (name, gain, both), (load, masses) in zip(work, weighed, strict=True):
         count = sum(block_count(min(map(len, pair)), length) for pair in both)
         rows.append((name, gain, count, load[0], *(load[1:4] / load[0])))
         drawn += [(name, gain, draw, mass) for draw, mass in enumerate(masses[:, 0])]
@@ -191,12 +193,12 @@ def followed_loads(robot: Robot, motions: Mapping[str, Motion], parameters: Moti
     """Online estimate of each load: `log`, `stage` (`LEARNED`, ...), `since_s` its start, `learn_payload`."""
     assert parameters.load is not None
     follow = partial(_followed, robot=robot, motions=motions, parameters=parameters)
-    found = parallel_map(follow, parameters.load.pairs, "loads carried")
-    if not found:
+    followed = parallel_map(follow, parameters.load.pairs, "loads carried")
+    if not followed:
         return pd.DataFrame(
             columns=["time_s", "nmse_fixed", "nmse_learned", "mass_kg", "log", "stage", "since_s"]
         )
-    return pd.concat(found, ignore_index=True)
+    return pd.concat(followed, ignore_index=True)
 
 
 def _followed(
@@ -208,7 +210,7 @@ def _followed(
     parts = [motions[log] for log in (pair[0], parameters.test, pair[1]) if log is not None]
     shared = load.model_dump(include={"structure", "batch", "memory_s", "iterations"})
     payload = PayloadLearningParameters(empty_s=len(parts[0]) * dt, **shared)
-    learned = learn_payload((joined(parts), dt), robot.tree, robot.inertias, payload)
+    learned = learn_payload((joined_motions(parts), dt), robot.tree, robot.inertias, payload)
     ends = dt * np.cumsum([len(part) for part in parts])
     place = np.minimum(np.searchsorted(ends, learned["time_s"]), len(parts) - 1)
     return learned.assign(
@@ -235,11 +237,11 @@ def body_intervals(
         regressor = MotionRegressor(robot.tree, motion, True, model.friction)
         fits = drawn_fits(model, regressor, robot.inertias, parameters.iterations, length, draws, seed)
         quantile = stdtrit(draws - 1, 0.975)
-        widths = {name: quantile * its.std(axis=0, ddof=1) for name, its in _body_columns(fits).items()}
+        widths = {name: quantile * drawn.std(axis=0, ddof=1) for name, drawn in _body_columns(fits).items()}
     columns = {"half_width": widths, "urdf": urdf}
     tables = [
         pd.DataFrame({"link": robot.tree.names, "parameter": name, "value": value[0]}).assign(
-            **{column: its.get(name, nothing) for column, its in columns.items()}
+            **{column: values.get(name, nothing) for column, values in columns.items()}
         )
         for name, value in values.items()
     ]

@@ -21,15 +21,15 @@ from structlearn.reporting.document import Document, Source
 from structlearn.reporting.figure_style import Drawing
 from structlearn.reporting.findings import Findings
 from structlearn.reporting.publishing import publish_report
-from structlearn.rigid_body.arm_kinematics import Arm, LinkShapes, link_distances, read_shapes
+from structlearn.rigid_body.arm_kinematics import Arm, LinkShapes, link_distances, read_collision_shapes
 from structlearn.rigid_body.excitation import (
     DesignProblem,
     ExcitationParameters,
     design,
     design_problem,
+    limited_motion,
     parameter_errors,
     random_series,
-    written,
 )
 from structlearn.rigid_body.friction import FRICTIONS
 from structlearn.rigid_body.motion import Motion
@@ -38,7 +38,7 @@ from structlearn.rigid_body.urdf import urdf_path
 from structlearn.tasks import project
 from structlearn.tasks.motion.motion_figures import gain_panel, share_panels
 from structlearn.tasks.motion.parameters import MotionParameters
-from structlearn.tasks.shown_tables import shown
+from structlearn.tasks.section import shown
 from structlearn.tasks.task_entry import read_task
 from structlearn.tasks.task_files import local_path
 
@@ -62,13 +62,13 @@ def design_trajectory(task: str | None, urdf: str, locked: Sequence[str]) -> Non
     """Design and publish a trajectory for a task's robot, or a URDF with joints to lock; print a summary."""
     parameters = stage_parameters("excite", ExciteParameters, project.DEFAULTS)
     if task:
-        urdf, locked = robot_of(task)
+        urdf, locked = task_urdf(task)
     name = task or re.sub(r"[^a-z0-9_-]", "_", Path(urdf).stem.lower())
     path = urdf_path(str(local_path(urdf)))
     robot = read_urdf(path, locked)
     problem, shapes, links = space(robot, path, locked, parameters)
     optima = design(problem, parameters.starts, parameters.iterations, parameters.seed)
-    times, motion = written(problem, clear(problem, optima[0], shapes, parameters), parameters.rate_hz)
+    times, motion = limited_motion(problem, clear(problem, optima[0], shapes, parameters), parameters.rate_hz)
     joints, gains = (
         joint_table(robot, problem, motion),
         gain_table(problem, shapes, times, motion, parameters),
@@ -84,7 +84,7 @@ def design_trajectory(task: str | None, urdf: str, locked: Sequence[str]) -> Non
     print(f"{REPORTS / name}/trajectory.csv, {REPORTS / name}/index.html")
 
 
-def robot_of(task: str) -> tuple[str, Sequence[str]]:
+def task_urdf(task: str) -> tuple[str, Sequence[str]]:
     """URDF and locked joints of a task's robot; its recordings need not exist."""
     entry = read_task(task)
     robot = entry if isinstance(entry, MotionParameters) else getattr(entry, "robot", None)
@@ -103,7 +103,7 @@ def space(
     problem = design_problem(robot, parameters, FRICTIONS["offset"])
     lower, upper = (np.clip(bound, -np.pi, np.pi) for bound in (robot.tree.lower, robot.tree.upper))
     try:
-        shapes = read_shapes(Arm(urdf, robot.tree, robot.model, 0), locked, 0.5 * (lower + upper))
+        shapes = read_collision_shapes(Arm(urdf, robot.tree, robot.model, 0), locked, 0.5 * (lower + upper))
     except InputError as error:
         return problem, None, f"not checked for collisions ({error})"
     for shrink in SHRINKS:
@@ -134,7 +134,7 @@ def clear(
 
 def least_distance(problem: DesignProblem, free: np.ndarray, shapes: LinkShapes) -> float:
     """Least distance between two links in m, exact below `NEAR_M`."""
-    _, motion = written(problem, free, LOOKED_AT_HZ)
+    _, motion = limited_motion(problem, free, LOOKED_AT_HZ)
     return float(link_distances(shapes, motion.q, NEAR_M).min())
 
 
@@ -167,7 +167,7 @@ def gain_table(
     own = parameter_errors(problem, motion, *draw) * np.sqrt(len(times))
     gains = []
     for free in random_series(problem, parameters.compared, parameters.seed + 1):
-        others, other = written(problem, clear(problem, free, shapes, parameters), parameters.rate_hz)
+        others, other = limited_motion(problem, clear(problem, free, shapes, parameters), parameters.rate_hz)
         ratio = parameter_errors(problem, other, *draw) * np.sqrt(len(others)) / own
         gains.append(np.exp(np.log(ratio[: len(problem.theta)]).mean()))
     return pd.DataFrame({"random_trajectory": np.arange(1, len(gains) + 1), "gain": gains})

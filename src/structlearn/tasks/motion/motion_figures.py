@@ -48,8 +48,11 @@ def joint_errors_panel(results: MotionResults) -> Figure:
         if key in results.test.index and (key[0] != BOUNDS or key == results.bounds):
             style: dict[str, Any] = {"marker": "o", "markersize": 4, "color": look.colour, "label": look.name}
             axes.plot(results.joints, results.test.loc[key], "--" if key[0] == BOUNDS else "-", **style)
-    best = [its.evidence() for its in results.joint_nmse(results.tested, results.best).values()]
-    ends, colour = ([its.low for its in best], [its.high for its in best]), LOOKS[results.best].colour
+    best = [drawn.evidence() for drawn in results.joint_nmse(results.tested, results.best).values()]
+    ends, colour = (
+        ([evidence.low for evidence in best], [evidence.high for evidence in best]),
+        LOOKS[results.best].colour,
+    )
     axes.vlines(results.joints, *ends, color=colour, linewidth=2.5, alpha=0.5)
     axes.set_xticks(results.joints)
     return legend(figure)
@@ -60,13 +63,15 @@ def torque_panel(results: MotionResults, joint: int) -> Figure:
     """Torque of one joint, measured and predicted."""
     title = f"Joint {joint}: {results.names[joint - 1]}"
     figure, axes = panel(title, 3.5, xlabel="time of the motion (s)", ylabel="torque (N m)")
-    its = matching(results["traces"], joint=joint)
-    axes.plot(its["time_s"], its["measured"], color=BLACK, linewidth=2.4, alpha=0.35, label="measured")
+    traces = matching(results["traces"], joint=joint)
+    axes.plot(traces["time_s"], traces["measured"], color=BLACK, linewidth=2.4, alpha=0.35, label="measured")
     for key in dict.fromkeys((*TRACED, results.best)):
         name = "_".join(key).removesuffix("_none")
-        if name in its:
-            axes.plot(its["time_s"], its[name], color=LOOKS[key].colour, linewidth=1.0, label=LOOKS[key].name)
-    low, high = its["measured"].min(), its["measured"].max()
+        if name in traces:
+            axes.plot(
+                traces["time_s"], traces[name], color=LOOKS[key].colour, linewidth=1.0, label=LOOKS[key].name
+            )
+    low, high = traces["measured"].min(), traces["measured"].max()
     axes.set_ylim(low - 0.5 * (high - low), high + 0.5 * (high - low))
     return legend(figure)
 
@@ -78,9 +83,9 @@ def load_panel(results: MotionResults, log: str) -> Figure:
     assert load is not None
     title = f"Log {results.carried_logs.index(log) + 1}: estimated load over time"
     figure, axes = panel(title, 3.6, xlabel="time (s)", ylabel="mass in the hand (kg)")
-    its, true = matching(results["carried"], log=log), load.known_kg
-    top = 1.25 * max(true, its["mass_kg"].max())
-    for stage, part in its.groupby("stage", sort=False):
+    carried, true = matching(results["carried"], log=log), load.known_kg
+    top = 1.25 * max(true, carried["mass_kg"].max())
+    for stage, part in carried.groupby("stage", sort=False):
         words, background = STAGES[stage]
         start, end = part["time_s"].iloc[0] - part["since_s"].iloc[0], part["time_s"].iloc[-1]
         axes.axvspan(start, end, color=background, alpha=0.6, linewidth=0)
@@ -90,9 +95,9 @@ def load_panel(results: MotionResults, log: str) -> Figure:
             axes.plot([start, end], [true, true], color=BLACK, linewidth=2.0, label=f"published: {true:g} kg")
             if start + load.settled_s < end:  # ends below the text
                 axes.axvline(start + load.settled_s, ymax=0.9, color=BLACK, linestyle=":", linewidth=1.0)
-    axes.plot(its["time_s"], its["mass_kg"], color=ORANGE, linewidth=1.8, label="found so far")
+    axes.plot(carried["time_s"], carried["mass_kg"], color=ORANGE, linewidth=1.8, label="found so far")
     axes.axhline(0.0, color=BLACK, linewidth=0.7)
-    axes.set(xlim=(0.0, its["time_s"].max()), ylim=(min(-0.3, 1.1 * its["mass_kg"].min()), top))
+    axes.set(xlim=(0.0, carried["time_s"].max()), ylim=(min(-0.3, 1.1 * carried["mass_kg"].min()), top))
     return legend(figure)
 
 
@@ -101,11 +106,11 @@ def delay_panel(results: MotionResults) -> Figure:
     """Torque residual of each joint over the assumed delay of its current."""
     labels = {"xlabel": "delay assumed (ms)", "ylabel": "squares / least"}
     figure, axes = panel("Delay of the currents", 3.4, **labels)
-    its = matching(results["delay_curves"], log=results.train_log)
-    for colour, (joint, curve) in zip(CATEGORICAL_COLOURS, its.groupby("joint"), strict=False):
+    curves = matching(results["delay_curves"], log=results.train_log)
+    for colour, (joint, curve) in zip(CATEGORICAL_COLOURS, curves.groupby("joint"), strict=False):
         axes.plot(1e3 * curve["delay_s"], curve["squares"], color=colour, label=f"joint {joint}")
         axes.plot(results.drive(DELAY, joint).value, 1.0, "o", color=colour, markersize=5)
-    axes.set_ylim(0.99, 1.0 + 0.7 * (its["squares"].max() - 1.0))
+    axes.set_ylim(0.99, 1.0 + 0.7 * (curves["squares"].max() - 1.0))
     return legend(figure, 3)
 
 

@@ -22,7 +22,9 @@ from structlearn.tasks.motion.parameters import SEED, MotionParameters
 URDF, BEST, BOUNDS = ("urdf", "none"), "cov", "least_squares"
 RIVALS = (("mlp", "none"), ("mlp_scaled", "none"), ("delan", "viscous"))
 MODELS = {"urdf": NAMES[DEFAULT]} | NAMES | {BOUNDS: "least squares"}
-FRICTIONS = {name: ", ".join(its).replace("coulomb", "Coulomb") for name, its in friction.FRICTIONS.items()}
+FRICTIONS = {
+    name: ", ".join(terms).replace("coulomb", "Coulomb") for name, terms in friction.FRICTIONS.items()
+}
 LOOKS = {  # models with their friction, keyed as in the protocol's tables
     URDF: Look(MODELS["urdf"], GREY),
     ("mlp", "none"): Look("MLP", ORANGE),
@@ -30,9 +32,9 @@ LOOKS = {  # models with their friction, keyed as in the protocol's tables
     ("delan", "viscous"): Look("DeLaN", PINK),
     (BEST, "viscous"): Look("Cov, viscous", LIGHT_BLUE),
 } | {
-    (kind, its): Look(f"{words}, {FRICTIONS[its].removeprefix('viscous, ')}", black or colour)
+    (kind, term): Look(f"{words}, {FRICTIONS[term].removeprefix('viscous, ')}", black or colour)
     for kind, words, black in ((BEST, "Cov", ""), (BOUNDS, "least squares", BLACK))
-    for its, colour in (("coulomb", BLUE), ("offset", GREEN), ("stiffness", OCHRE))
+    for term, colour in (("coulomb", BLUE), ("offset", GREEN), ("stiffness", OCHRE))
 }
 FEWEST_BLOCKS = 3  # an interval over fewer blocks is not reliable
 HEADLINES = ("nmse", "nmse_urdf", "limit_percent", "relative_percent", "norm_n_m", "load_kg", "load_carried")
@@ -76,9 +78,9 @@ class Drawn(NamedTuple):
 Row = Drawn | Found | Mapping[str, Drawn]  # a finding before its intervals are computed
 
 
-def stated(found: Evidence, number: str) -> str:
+def stated(evidence: Evidence, number: str) -> str:
     """Number with its interval as text, e.g. `0.12 [0.1, 0.2]`."""
-    return f"{rounded(found.value, number)} {interval(found.low, found.high, number)}"
+    return f"{rounded(evidence.value, number)} {interval(evidence.low, evidence.high, number)}"
 
 
 def model_words(key: tuple[str, str]) -> str:
@@ -87,7 +89,7 @@ def model_words(key: tuple[str, str]) -> str:
 
 
 class MotionResults(dict[str, pd.DataFrame]):
-    """Tables of `joint_motion.learn_motion`, keyed by name, with derived quantities."""
+    """Tables of `learning.learn_motion`, keyed by name, with derived quantities."""
 
     def __init__(self, tables: Mapping[str, pd.DataFrame], parameters: MotionParameters) -> None:
         super().__init__(tables)
@@ -121,7 +123,10 @@ class MotionResults(dict[str, pd.DataFrame]):
     def joint_nmse(self, part: str, model: tuple[str, str]) -> dict[str, Drawn]:
         """NMSE of a model by joint (`joint 1`, ...)."""
         values, count = self.nmse(part, model)
-        return {f"joint {joint}": Drawn(its, count) for joint, its in zip(self.joints, values.T, strict=True)}
+        return {
+            f"joint {joint}": Drawn(column, count)
+            for joint, column in zip(self.joints, values.T, strict=True)
+        }
 
     def whole_errors(self, model: tuple[str, str]) -> dict[str, Drawn]:
         """Errors over all joints on the test part.
@@ -130,20 +135,20 @@ class MotionResults(dict[str, pd.DataFrame]):
         over that of the torques; `norm_n_m`: mean norm.
         """
         key, joints = "/".join(model), len(self.joints)
-        its = matching(self["blocks"], part=self.tested).sort_values(["block", "joint"])
-        sums = its[["samples", "torque_squared", key]].to_numpy().reshape(-1, joints, 3)
+        blocks = matching(self["blocks"], part=self.tested).sort_values(["block", "joint"])
+        sums = blocks[["samples", "torque_squared", key]].to_numpy().reshape(-1, joints, 3)
         norms = matching(self["norms"], part=self.tested)[["samples", key]].to_numpy()
         counts = drawn_counts(len(sums), self.parameters.draws, SEED)
         counts = np.vstack([np.ones(len(sums)), counts])  # the first row is the whole part
         samples, squared, errors = np.moveaxis(np.tensordot(counts, sums, 1), -1, 0)
         limits = 2.0 * self["gravity"]["limit_n_m"].replace(0.0, np.nan).to_numpy()  # 0: the URDF has none
         lengths = counts @ norms
-        found = {
+        by_joint = {
             "limit_percent": 100.0 * (np.sqrt(errors / samples) / limits).mean(axis=1),
             "relative_percent": 100.0 * np.sqrt(errors.sum(axis=1) / squared.sum(axis=1)),
             "norm_n_m": lengths[:, 1] / lengths[:, 0],
         }
-        return {name: Drawn(values, len(sums)) for name, values in found.items()}
+        return {name: Drawn(values, len(sums)) for name, values in by_joint.items()}
 
     def load_kg(self, pair: str, gains: str) -> Drawn:
         """Mass of the load in kg."""
@@ -161,8 +166,8 @@ class MotionResults(dict[str, pd.DataFrame]):
         """
         own, load = self.parameters, self.parameters.load
         assert load is not None
-        its = matching(self["carried"], log=log, stage=protocol.CARRYING)
-        masses = its.loc[its["since_s"] > load.settled_s, "mass_kg"]
+        carried = matching(self["carried"], log=log, stage=protocol.CARRYING)
+        masses = carried.loc[carried["since_s"] > load.settled_s, "mass_kg"]
         error = 100.0 * np.abs(masses.to_numpy() / load.known_kg - 1.0)
         length = round(load.memory_s * own.rate_hz / load.batch)
         count = block_count(len(error), length)
@@ -174,8 +179,8 @@ class MotionResults(dict[str, pd.DataFrame]):
 
     def drive(self, quantity: str, joint: int, log: str = "") -> Drawn:
         """A gain in N m/A, or a delay in ms, of one joint; by default from the training log."""
-        its = self._drawn("drive", "value", quantity=quantity, joint=joint, log=log or self.train_log)
-        return Drawn(1e3 * its.samples, its.n) if quantity == protocol.DELAY else its
+        drawn = self._drawn("drive", "value", quantity=quantity, joint=joint, log=log or self.train_log)
+        return Drawn(1e3 * drawn.samples, drawn.n) if quantity == protocol.DELAY else drawn
 
     def rest_log(self) -> str | None:
         """The log of the arm at rest that gave the drives' gains, if any."""
@@ -191,9 +196,9 @@ def motion_findings(results: MotionResults) -> Findings:
     """Findings of the page; what the logs cannot decide is unknown."""
     find = Findings("blocks of motion")
     rows = _models(results) | _drives(results) | _load(results) | results.whole_errors(results.best)
-    for name, its in rows.items():
-        found = _evidence(its) or unknown(MISSING.get(name, ""))
-        find.add(name, found, unit=UNITS.get(name, ""), headline=name in HEADLINES)
+    for name, row in rows.items():
+        evidence = _evidence(row) or unknown(MISSING.get(name, ""))
+        find.add(name, evidence, unit=UNITS.get(name, ""), headline=name in HEADLINES)
     written = results["written"]["difference_n_m"]
     find.among("joints").exact("written_torques", float(written.max()), len(written), unit="N m")
     links = matching(results["links"], model=BEST, friction=results.best[1])
@@ -205,7 +210,10 @@ def motion_findings(results: MotionResults) -> Findings:
 def _evidence(row: Row) -> Found:
     """Evidence of a row; intervals of several cases hold jointly."""
     if isinstance(row, Mapping):
-        return {case: one.evidence(len(row)) if isinstance(one, Drawn) else one for case, one in row.items()}
+        return {
+            case: value.evidence(len(row)) if isinstance(value, Drawn) else value
+            for case, value in row.items()
+        }
     return row.evidence() if isinstance(row, Drawn) else row
 
 
@@ -221,14 +229,14 @@ def _models(results: MotionResults) -> dict[str, Row]:
     consistent = [kind for kind in ("tri", "cov") if (kind, "coulomb") in levels]
     with_coulomb, last = test.loc[[(kind, "coulomb") for kind in consistent]], test.columns[-1]
     count, above = len(consistent), {}
-    for its, words in FRICTIONS.items():
-        if (BOUNDS, its) in levels:
-            ratios = [test.loc[kind, its] / test.loc[BOUNDS, its] for kind in consistent]
+    for terms, words in FRICTIONS.items():
+        if (BOUNDS, terms) in levels:
+            ratios = [test.loc[kind, terms] / test.loc[BOUNDS, terms] for kind in consistent]
             above[words] = exact(max(ratio.max() for ratio in ratios), count * len(better))
     return {
         "nmse": levels[results.best],
         "nmse_urdf": levels[URDF],
-        "mean_nmse": {model_words(key): its.evidence() for key, its in levels.items()},
+        "mean_nmse": {model_words(key): drawn.evidence() for key, drawn in levels.items()},
         "better_joints": exact_count(int(better.sum()), len(better)),
         "over_networks": {
             MODELS[key[0]]: Drawn(levels[key].samples - worst.samples, worst.n)
@@ -244,12 +252,12 @@ def _models(results: MotionResults) -> dict[str, Row]:
         },
         "errors": own,
         "further_errors": {
-            f"{log}: {joint}": found
+            f"{log}: {joint}": errors
             for log in results.parts[2:]
-            for joint, found in results.joint_nmse(log, results.best).items()
-            if found.n >= FEWEST_BLOCKS
+            for joint, errors in results.joint_nmse(log, results.best).items()
+            if errors.n >= FEWEST_BLOCKS
         },
-        "level": {key: Drawn(its.samples / bounds[key].samples, its.n) for key, its in own.items()},
+        "level": {key: Drawn(drawn.samples / bounds[key].samples, drawn.n) for key, drawn in own.items()},
         "over_least_squares": above,
         "coulomb_errors": {
             f"joints 1 to {last - 1}": exact(with_coulomb.drop(columns=last).mean(axis=1).max(), count),
@@ -265,8 +273,8 @@ def _drives(results: MotionResults) -> dict[str, Row]:
     return {
         "delays": {f"joint {joint}": results.drive(protocol.DELAY, joint) for joint in results.joints},
         "assumed_gains": {
-            f"joint {joint}": results.drive(protocol.IN_MOTION, joint).over(found)
-            for joint, found in gains.items()
+            f"joint {joint}": results.drive(protocol.IN_MOTION, joint).over(gain)
+            for joint, gain in gains.items()
         },
     }
 
@@ -274,11 +282,11 @@ def _drives(results: MotionResults) -> dict[str, Row]:
 def _load(results: MotionResults) -> dict[str, Row]:
     carried = {log: results.carried(log)[1] for log in results.carried_logs}
     missing = unknown("no motion is recorded with and without a load")
-    found: dict[str, Row] = dict.fromkeys(("load_kg", "load", "load_alone", "load_quoted"), missing)
+    rows: dict[str, Row] = dict.fromkeys(("load_kg", "load", "load_alone", "load_quoted"), missing)
     if carried:
-        found["load_kg"] = results.load_kg(protocol.ALL_PAIRS, protocol.FOUND)
-        found["load"] = results.load_error(protocol.ALL_PAIRS, protocol.FOUND)
-        found["load_alone"] = {log: results.load_error(log, protocol.FOUND) for log in carried}
+        rows["load_kg"] = results.load_kg(protocol.ALL_PAIRS, protocol.FOUND)
+        rows["load"] = results.load_error(protocol.ALL_PAIRS, protocol.FOUND)
+        rows["load_alone"] = {log: results.load_error(log, protocol.FOUND) for log in carried}
         if protocol.QUOTED in set(results["loads"]["gains"]):
-            found["load_quoted"] = results.load_error(protocol.ALL_PAIRS, protocol.QUOTED)
-    return found | {"load_carried": {log: its for log, its in carried.items() if its.n >= FEWEST_BLOCKS}}
+            rows["load_quoted"] = results.load_error(protocol.ALL_PAIRS, protocol.QUOTED)
+    return rows | {"load_carried": {log: drawn for log, drawn in carried.items() if drawn.n >= FEWEST_BLOCKS}}

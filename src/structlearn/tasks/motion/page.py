@@ -24,9 +24,8 @@ from structlearn.tasks.motion.motion_results import (
     motion_findings,
     stated,
 )
-from structlearn.tasks.motion.parameters import BLOCK_S, MotionParameters, read_logs
-from structlearn.tasks.section import Section
-from structlearn.tasks.shown_tables import shown
+from structlearn.tasks.motion.parameters import BLOCK_S, MotionParameters, read_task_logs
+from structlearn.tasks.section import Section, shown
 from structlearn.tasks.task_files import ABSENT, TaskFiles
 
 # Link parameters shown on the page, with their number formats
@@ -52,7 +51,7 @@ def dynamics_section(files: TaskFiles) -> Section:
         facts = {"reason": reason.read_text(encoding="utf-8").strip()}
         return Section("unidentified", "The arm's dynamics", facts=facts)
     parameters = files.entry(MotionParameters)
-    first, *_ = read_logs(files.recorded / "logs.parquet", parameters).values()
+    first, *_ = read_task_logs(files.recorded / "logs.parquet", parameters).values()
     tables = files.tables("motion")
     if not parameters.structures:
         return Section(
@@ -138,7 +137,7 @@ def motion_tables(results: MotionResults) -> dict[str, Table]:
     """Tables keyed by name."""
     wide, best, further = results.test, results.best, results.parts[2:]
     joints = {"joint": results.joints, "name": results.names} | {
-        model_words(key): [its.text(".2g") for its in results.joint_nmse(results.tested, key).values()]
+        model_words(key): [drawn.text(".2g") for drawn in results.joint_nmse(results.tested, key).values()]
         for key in (URDF, results.bounds, best)
     }
     errors = wide.add_prefix("joint_").assign(mean=wide.mean(axis=1)).reset_index(drop=True)
@@ -147,7 +146,7 @@ def motion_tables(results: MotionResults) -> dict[str, Table]:
     frictions = dict.fromkeys(("coulomb", "offset", best[1]))
     whole = [
         {"model": model_words(key)}
-        | {WHOLE[name][0]: its.text(WHOLE[name][1]) for name, its in results.whole_errors(key).items()}
+        | {WHOLE[name][0]: drawn.text(WHOLE[name][1]) for name, drawn in results.whole_errors(key).items()}
         for key in (URDF, *((kind, friction) for friction in frictions for kind in (BOUNDS, BEST)))
     ]
     tables = {
@@ -163,10 +162,10 @@ def motion_tables(results: MotionResults) -> dict[str, Table]:
     }
     if further:
         rows = [
-            {"log": log, "model": model_words(key)} | its.loc[key].add_prefix("joint_").to_dict()
-            for log, its in ((log, results.errors[log]) for log in further)
+            {"log": log, "model": model_words(key)} | errors.loc[key].add_prefix("joint_").to_dict()
+            for log, errors in ((log, results.errors[log]) for log in further)
             for key in (URDF, *RIVALS, best, results.bounds)
-            if key in its.index
+            if key in errors.index
         ]
         tables["motion_further"] = shown(pd.DataFrame(rows))
     if "choice" in results:
@@ -186,15 +185,15 @@ def _gravity(gravity: pd.DataFrame) -> Table:
 
 def _bodies(results: MotionResults) -> Table:
     """Links of the written URDF, one column per parameter, with 95 % half-widths if there are draws."""
-    its = results["bodies"]
-    its = its[its["parameter"].isin(list(LINKS))]
+    bodies = results["bodies"]
+    bodies = bodies[bodies["parameter"].isin(list(LINKS))]
     text = [
         rounded(row.value, LINKS[row.parameter])
         + (f" ± {row.half_width:{LINKS[row.parameter]}}" if np.isfinite(row.half_width) else "")
-        for row in its.itertuples()
+        for row in bodies.itertuples()
     ]
-    wide = its.assign(text=text).pivot_table("text", "link", "parameter", "first", sort=False)
-    urdf = its[its["parameter"] == "mass_kg"].set_index("link")["urdf"]
+    wide = bodies.assign(text=text).pivot_table("text", "link", "parameter", "first", sort=False)
+    urdf = bodies[bodies["parameter"] == "mass_kg"].set_index("link")["urdf"]
     table = shown(wide.assign(urdf_mass_kg=[rounded(urdf[link], ".2f") for link in wide.index]).reset_index())
     words = {"urdf_mass_kg": "URDF's mass (kg)", "viscous": "viscous (N m s/rad)", "coulomb": "Coulomb (N m)"}
     return replace(table, headings={**table.headings, **words})
@@ -204,15 +203,15 @@ def _drives(results: MotionResults) -> Table:
     """Gains and delays of every joint, with intervals as text."""
     rows, rest = [], results.rest_log()
     for row in results["gains"].itertuples():
-        its = {"joint": row.joint, "quoted": rounded(row.quoted, ".2f")}
+        cells = {"joint": row.joint, "quoted": rounded(row.quoted, ".2f")}
         if rest is not None:
             at_rest = results.drive(names.AT_REST, row.joint, rest)
-            its["at rest"] = "assumed" if row.assumed else at_rest.text(".3f")
-        its["used"] = rounded(row.found, ".3f")
+            cells["at rest"] = "assumed" if row.assumed else at_rest.text(".3f")
+        cells["used"] = rounded(row.found, ".3f")
         for log, words in ((results.train_log, "learned from"), (results.tested, "tested on")):
-            its[f"in motion, {words}"] = results.drive(names.IN_MOTION, row.joint, log).text(".3f")
-            its[f"delay (ms), {words}"] = results.drive(names.DELAY, row.joint, log).text(".1f")
-        rows.append(its)
+            cells[f"in motion, {words}"] = results.drive(names.IN_MOTION, row.joint, log).text(".3f")
+            cells[f"delay (ms), {words}"] = results.drive(names.DELAY, row.joint, log).text(".1f")
+        rows.append(cells)
     return Table(pd.DataFrame(rows))
 
 

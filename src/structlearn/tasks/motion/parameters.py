@@ -119,7 +119,7 @@ class MotionParameters(SourceParameters):
 Entry = MotionParameters
 
 
-def read_logs(path: Path, parameters: MotionParameters) -> dict[str, Any]:
+def read_task_logs(path: Path, parameters: MotionParameters) -> dict[str, Any]:
     """Read an import's logs by name, with the signals that the parameters need."""
     kind: Any = DriveLog if parameters.drives else JointLog
     return {log.name: log for log in read_log_table(path, kind)}

@@ -21,9 +21,9 @@ def write(task: MotionParameters, folder: Path, left_out: LeftOut) -> None:
 
 def read(folder: Path, entry: MotionParameters, left_out: LeftOut) -> Sequence[JointLog]:
     """Read joint logs, with the joints of the entry's URDF."""
-    from structlearn.tasks.motion.joint_motion import read_arm  # slow to load
+    from structlearn.tasks.motion.learning import read_task_arm  # slow to load
 
-    robot, _ = read_arm(entry)
+    robot, _ = read_task_arm(entry)
     in_urdf, recorded = dict(entry.joints), {name: its for its, name in entry.joints}
     joints = [recorded.get(name, name) for name in robot.tree.names]
     logs = read_joint_logs(folder, entry.topic, joints, entry.stamps)

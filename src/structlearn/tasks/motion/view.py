@@ -9,7 +9,13 @@ import pandas as pd
 from structlearn.palette import BLUE, GREY, LIGHT_GREY, ORANGE
 from structlearn.readers.joint_log import MotionLog
 from structlearn.rigid_body.urdf import moved_link
-from structlearn.tasks.motion.parameters import CARRYING, CENTRE, LoadParameters, MotionParameters, read_logs
+from structlearn.tasks.motion.parameters import (
+    CARRYING,
+    CENTRE,
+    LoadParameters,
+    MotionParameters,
+    read_task_logs,
+)
 from structlearn.tasks.task_files import TaskFiles
 from structlearn.viewer import items, views
 from structlearn.viewer.arms import arm_scene, attached, followed, sticks
@@ -30,7 +36,7 @@ def recordings(files: TaskFiles) -> dict[str, Recording]:
     tables = {name: files.table(f"motion/{name}") for name in ("carried", "motions", "loads")}
     if not len(tables["carried"]):
         return {}
-    logs = read_logs(files.recorded / "logs.parquet", parameters)
+    logs = read_task_logs(files.recorded / "logs.parquet", parameters)
     return {"load": carried(files.learned / "identified.urdf", tables, logs, parameters.load)}
 
 
@@ -43,7 +49,7 @@ def carried(
     learned = learned[(learned["log"] == name) & (learned["stage"] == CARRYING)]
     cut, log = tables["motions"].set_index("log").loc[name], logs[name]
     time = np.arange(0.0, cut["end_s"] - cut["start_s"], 1.0 / RATE_HZ)
-    q = np.stack([np.interp(time + cut["start_s"], log.time, its) for its in log.positions.T], axis=1)
+    q = np.stack([np.interp(time + cut["start_s"], log.time, column) for column in log.positions.T], axis=1)
     weighed = tables["loads"].set_index(["pair", "gains"]).loc[(name, "found")]
     centre, link = weighed[CENTRE].to_numpy(float), moved_link(urdf, log.joints[-1])
     arm, reach = sticks(ARM, urdf, log.joints, time, q, (LIGHT_GREY, GREY))

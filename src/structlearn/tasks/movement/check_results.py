@@ -89,15 +89,15 @@ class SkillCheck:
         }
 
 
-def verdict(margin: float) -> str:
+def margin_verdict(margin: float) -> str:
     """Verdict on a margin."""
     return NO if margin < 0.0 else DOUBTFUL if margin < THIN else YES
 
 
 def overall(verdicts: pd.Series) -> str:
     """Worst of several verdicts: no, then doubtful, which includes not tested."""
-    found = set(verdicts)
-    return NO if NO in found else DOUBTFUL if found & {DOUBTFUL, NOT_TESTED} else YES
+    present = set(verdicts)
+    return NO if NO in present else DOUBTFUL if present & {DOUBTFUL, NOT_TESTED} else YES
 
 
 def write_check(check: SkillCheck, folder: str | Path) -> None:
@@ -116,7 +116,7 @@ def read_check(folder: str | Path) -> SkillCheck:
     return SkillCheck(margins, rest.set_index("joint")["rest"].to_dict(), tuple(notes["note"]), tried)
 
 
-def lines(check: SkillCheck) -> list[str]:
+def check_lines(check: SkillCheck) -> list[str]:
     """Text lines: the worst of each quantity, notes, faults, changes tried, and the verdict."""
     worst = check.worst("quantity").assign(margin_percent=lambda table: 100.0 * table["margin"])
     columns = ["quantity", "verdict", "margin_percent", "value", "bound", "unit", "where", "run", "time_s"]
@@ -142,5 +142,5 @@ def main(files: TaskFiles) -> bool:
         entry = f"{ENTRIES}: {files.kind}.{files.name}"
         raise InputError(f"{entry} has no robot to be checked on; add `robot: {{urdf: .., tip: ..}}`")
     check = read_check(files.folder / "check")
-    print("\n".join(lines(check)))
+    print("\n".join(check_lines(check)))
     return check.verdict != NO

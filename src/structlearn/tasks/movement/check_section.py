@@ -16,8 +16,7 @@ from structlearn.reporting.findings import Findings
 from structlearn.tasks.movement.check_results import KINDS, THIN, SkillCheck, overall, read_check
 from structlearn.tasks.movement.feedback_learning import in_view
 from structlearn.tasks.movement.parameters import MovementEntry
-from structlearn.tasks.section import Section
-from structlearn.tasks.shown_tables import shown
+from structlearn.tasks.section import Section, shown
 from structlearn.tasks.task_files import ABSENT, TaskFiles
 
 WORST = ["quantity", "kind", "run", "where", "value", "bound", "unit", "time_s", "margin_share", "verdict"]
@@ -73,9 +72,9 @@ def margins_figure(margins: pd.DataFrame, kinds: list[str]) -> Figure:
     panel.axvline(0.0, color=GREY)
     shifts = np.linspace(0.27, -0.27, len(KINDS))
     for kind, colour, shift in zip(kinds, CATEGORICAL_COLOURS, shifts, strict=False):
-        its = margins[margins["kind"] == kind]
-        shown = 100.0 * np.clip(its["margin"], -1.0, 1.0)
-        panel.scatter(shown, its["quantity"].map(places) + shift, 12, colour, linewidths=0.0, label=kind)
+        rows = margins[margins["kind"] == kind]
+        shown = 100.0 * np.clip(rows["margin"], -1.0, 1.0)
+        panel.scatter(shown, rows["quantity"].map(places) + shift, 12, colour, linewidths=0.0, label=kind)
     panel.set(yticks=list(places.values()), yticklabels=list(places), xlabel="margin (%)")
     panel.legend(ncols=len(kinds), loc="lower left", bbox_to_anchor=(0.0, 1.0))
     return figure

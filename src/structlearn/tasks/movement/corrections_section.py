@@ -18,8 +18,7 @@ from structlearn.reporting.findings import Findings
 from structlearn.reporting.prose import capitalised, listing
 from structlearn.tasks.movement.feedback_learning import feedback_metrics, in_view, read_feedback
 from structlearn.tasks.movement.parameters import MovementEntry
-from structlearn.tasks.section import Section
-from structlearn.tasks.shown_tables import shown
+from structlearn.tasks.section import Section, shown
 from structlearn.tasks.task_files import TaskFiles
 
 TARGET_SAMPLES = 200
@@ -84,8 +83,10 @@ def targets_panel(title: str, axis: Axis, dataset: CouplingDataset) -> Figure:
     time = np.linspace(0.0, 1.0, TARGET_SAMPLES)
     settings = list(dict.fromkeys(dataset.setting))[:DRAWN]
     for colour, setting in zip(palette.CATEGORICAL_COLOURS, settings, strict=False):
-        its = dataset.where(dataset.setting == setting)
-        runs = [its.target[its.demonstration == one] for one in dict.fromkeys(its.demonstration)]
+        samples = dataset.where(dataset.setting == setting)
+        runs = [
+            samples.target[samples.demonstration == number] for number in dict.fromkeys(samples.demonstration)
+        ]
         curves = np.array([signals.time_normalised(run[:, None], TARGET_SAMPLES)[:, 0] for run in runs])
         average, spread = curves.mean(axis=0), curves.std(axis=0)
         axes.plot(time, average, color=colour, label=str(setting))
@@ -119,7 +120,7 @@ def phase_section(files: TaskFiles) -> Section | None:
     ):
         middle, half = mean_interval((runs[first] - runs[second]).to_numpy())
         values |= {f"{name}_mm": middle, f"{name}_half_width_mm": half}
-    values |= {f"coupling_{axis}_nmse": its["nmse"].mean() for axis, its in axes}
+    values |= {f"coupling_{axis}_nmse": scores["nmse"].mean() for axis, scores in axes}
     find = Findings.of_metrics(values, ("nominal_path_mean_mm", "coupling_path_mean_mm"))
     find = find.among("runs left out, each by its mean over the splits")
     find.difference("coupling_gain", runs["nominal_mm"], runs["coupling_mm"], unit="mm")
@@ -176,8 +177,8 @@ def corrected_panel(paths: pd.DataFrame, primitive: PosePrimitive, segments: lis
     looks = palette.PHASE_PATHS | {
         "recorded": palette.Look("corrected runs, left out", palette.DEMONSTRATION_COLOUR)
     }
-    for kind, its in paths.groupby("path", sort=False):
-        for number, (_, path) in enumerate(its.groupby("run", sort=False)):
+    for kind, curve in paths.groupby("path", sort=False):
+        for number, (_, path) in enumerate(curve.groupby("run", sort=False)):
             points = 1e3 * signals.time_normalised(path[["x", "z"]].to_numpy(), SAMPLES)
             label = None if number else looks[kind].name
             axes.plot(*points.T, color=looks[kind].colour, linewidth=1.1, label=label)

@@ -20,8 +20,7 @@ from structlearn.segmentation.quality import MEASURES, quality
 from structlearn.segmentation.segments import Segmentation
 from structlearn.tasks.movement.movement_learning import cut_metrics
 from structlearn.tasks.movement.parameters import MovementEntry
-from structlearn.tasks.section import Section
-from structlearn.tasks.shown_tables import shown
+from structlearn.tasks.section import Section, shown
 from structlearn.tasks.task_files import TaskFiles
 
 DRAWN = 12  # demonstrations with drawn speed; of more, flagged ones come first
@@ -60,7 +59,10 @@ def cuts_section(files: TaskFiles) -> Section:
     """Section on the cuts: start and end of each primitive in each demonstration."""
     own, segmentation = files.entry(MovementEntry), files.segmentation()
     demonstrations = files.runs("demonstrations")
-    by_name, flagged = {one.name: one for one in demonstrations}, set(segmentation.warnings["demonstration"])
+    by_name, flagged = (
+        {demonstration.name: demonstration for demonstration in demonstrations},
+        set(segmentation.warnings["demonstration"]),
+    )
     cut = [name for name in by_name if name in set(segmentation.cuts["demonstration"])]
     drawn = sorted(cut, key=lambda name: name not in flagged)[:DRAWN] if own.presegmented is None else []
     points = pd.concat([segmentation.result(name).reset_index() for name in segmentation.primitives])
@@ -75,7 +77,7 @@ def cuts_section(files: TaskFiles) -> Section:
         "warnings": len(segmentation.warnings),
         "flagged": [name for name in cut if name in flagged],
         "kept": own.keep_flagged,
-        "true": any(one.true_segments is not None for one in demonstrations),
+        "true": any(demonstration.true_segments is not None for demonstration in demonstrations),
     }
     tables = {
         "lengths": shown(primitive_lengths(by_name, segmentation), way_mm=".0f"),
@@ -106,13 +108,13 @@ def primitive_lengths(demonstrations: dict[str, Demonstration], segmentation: Se
     """Durations and lengths of the primitives, one row each."""
     rows = []
     for name, cuts in segmentation.results.items():
-        ways = []
-        for one, cut in cuts.iterrows():
-            run = demonstrations[str(one)]
+        lengths = []
+        for demonstration, cut in cuts.iterrows():
+            run = demonstrations[str(demonstration)]
             ticks = [min(round(cut[end] / run.dt), len(run.time) - 1) for end in ENDS]
-            ways.append(1e3 * np.linalg.norm(np.subtract(*run.position[ticks])))
+            lengths.append(1e3 * np.linalg.norm(np.subtract(*run.position[ticks])))
         durations = cuts["end_s"] - cuts["start_s"]
-        rows.append((name, durations.mean(), durations.min(), durations.max(), np.mean(ways)))
+        rows.append((name, durations.mean(), durations.min(), durations.max(), np.mean(lengths)))
     return pd.DataFrame(rows, columns=["primitive", "mean_s", "shortest_s", "longest_s", "way_mm"])
 
 
@@ -140,7 +142,7 @@ def rests_section(files: TaskFiles) -> Section | None:
     )
     for name, (first, second) in CASES.items():
         levels = paired.dropna(subset=[first, second]).groupby(level="noise_mm")
-        gains = {f"{level:g} mm": difference(its[first], its[second]) for level, its in levels}
+        gains = {f"{level:g} mm": difference(errors[first], errors[second]) for level, errors in levels}
         find.add(name, gains, unit="ms")
     table = Table(wide[list(METHODS)].reset_index(), dict.fromkeys(METHODS, ".1f"), headings)
     return Section(

@@ -42,7 +42,7 @@ LEVEL = "no correction"
 
 
 @dataclass(frozen=True)
-class Feedback:
+class LearnedFeedback:
     """Feedback learned for P primitives, by primitive and axis."""
 
     expected: Mapping[str, VectorPrimitive]  # expected traces by primitive
@@ -61,7 +61,7 @@ def learn_feedback(
     primitives: Sequence[PosePrimitive],
     cutting: SegmentParameters,
     parameters: TaskFeedbackParameters,
-) -> Feedback:
+) -> LearnedFeedback:
     """Learn expected traces from executions, coupling targets from corrections, and networks between them.
 
     Executions are training data too, with target 0: as-expected readings need no correction. Raises
@@ -76,11 +76,11 @@ def learn_feedback(
     for name in parameters.primitives:
         own = {label: parts[name] for label, parts in cuts.items()}
         primitive = primitives[names.index(name)]
-        datasets[name], found = coupling_dataset(corrections, own, primitive, traces[name], parameters)
+        datasets[name], check = coupling_dataset(corrections, own, primitive, traces[name], parameters)
         levels[name] = level_dataset(executions, nominal[name], traces[name], parameters, LEVEL)
-        checks.append(found.assign(primitive=name))
+        checks.append(check.assign(primitive=name))
     networks, scores = _learned(datasets, levels, parameters)
-    return Feedback(traces, datasets, networks, pd.concat(checks, ignore_index=True), scores)
+    return LearnedFeedback(traces, datasets, networks, pd.concat(checks, ignore_index=True), scores)
 
 
 def _learned(
@@ -96,7 +96,7 @@ def _learned(
         seen, half, held_out = dataset.where(learned), level.where(~odd), level.where(odd)
         others = dict.fromkeys(dataset.setting[~learned])
         work.append((name, axis, "", concatenated([seen, level]), parameters))
-        tests.append({one: dataset.where(dataset.setting == one) for one in others})
+        tests.append({other: dataset.where(dataset.setting == other) for other in others})
         group = _groups(seen, parameters)
         for label in dict.fromkeys(group):
             work.append((name, axis, label, concatenated([seen.where(group != label), half]), parameters))
@@ -107,9 +107,9 @@ def _learned(
     for (name, axis, label, *_), by_test, network in zip(work, tests, trained, strict=True):
         if not label:
             networks[name][axis] = network
-        for one, its in by_test.items():
-            if len(its.target):
-                rows.append((name, axis, one, bool(label), *_scored(network, its)))
+        for setting, samples in by_test.items():
+            if len(samples.target):
+                rows.append((name, axis, setting, bool(label), *_scored(network, samples)))
     keys = ["primitive", "axis", "left_out", "learned"]
     scores = pd.DataFrame(rows, columns=[*keys, "nmse", "target", "predicted", "rms"])
     return networks, scores.groupby(keys, sort=False).mean().reset_index()
@@ -142,15 +142,15 @@ def _scored(network: CouplingModel, dataset: CouplingDataset) -> tuple[float, fl
     return (float(error) if corrected else np.nan), float(target[peak]), float(mean[peak]), rms
 
 
-def feedback_metrics(feedback: Feedback) -> Metrics:
+def feedback_metrics(feedback: LearnedFeedback) -> Metrics:
     """NMSE on what was left out, and displacement commanded without correction, in mm or degrees."""
-    found: Metrics = {}
-    for (name, axis), its in feedback.scores.groupby(["primitive", "axis"], sort=False):
-        found[f"feedback_{name}_{axis}_nmse"] = float(its.loc[its["learned"], "nmse"].mean())
-        for predicted in its.loc[its["left_out"] == LEVEL, "predicted"]:
+    metrics: Metrics = {}
+    for (name, axis), scores in feedback.scores.groupby(["primitive", "axis"], sort=False):
+        metrics[f"feedback_{name}_{axis}_nmse"] = float(scores.loc[scores["learned"], "nmse"].mean())
+        for predicted in scores.loc[scores["left_out"] == LEVEL, "predicted"]:
             factor, unit = in_view(axis)
-            found[f"feedback_{name}_{axis}_uncorrected_{unit}"] = factor * abs(float(predicted))
-    return found
+            metrics[f"feedback_{name}_{axis}_uncorrected_{unit}"] = factor * abs(float(predicted))
+    return metrics
 
 
 def in_view(axis: Axis) -> tuple[float, str]:
@@ -158,7 +158,7 @@ def in_view(axis: Axis) -> tuple[float, str]:
     return (float(np.degrees(1.0)), "deg") if turns(axis) else (1e3, "mm")
 
 
-def write_feedback(feedback: Feedback, folder: Path) -> None:
+def write_feedback(feedback: LearnedFeedback, folder: Path) -> None:
     """Write feedback to a folder."""
     networks = []
     for name, traces in feedback.expected.items():
@@ -171,7 +171,7 @@ def write_feedback(feedback: Feedback, folder: Path) -> None:
     write_table(feedback.scores, folder / "scores.parquet")
 
 
-def read_feedback(folder: Path) -> Feedback | None:
+def read_feedback(folder: Path) -> LearnedFeedback | None:
     """Read what `write_feedback` wrote; None if the task has no feedback from sensors."""
     if not (folder / NETWORKS).exists():
         return None
@@ -180,7 +180,7 @@ def read_feedback(folder: Path) -> Feedback | None:
         name, _, axis = key.rpartition(".")
         networks.setdefault(name, {})[AXES[AXES.index(axis)]] = network
     traces = sorted((folder / "expected").glob("*.safetensors"))
-    return Feedback(
+    return LearnedFeedback(
         {path.stem: read_vector_primitive(path) for path in traces},
         {name: from_axes_table(read_table(folder / f"datasets/{name}.parquet")) for name in networks},
         networks,

@@ -110,14 +110,14 @@ def frames(run: Demonstration, cuts: Mapping[str, pd.DataFrame], fps: int) -> Fr
         turned = quaternion.interpolate(at, run.time, run.orientation)
         pose = np.hstack([pose, quaternion.sign_continuous(turned)])
     state = pose if run.joint_positions is None else sampled(run.joint_positions)
-    found = {"observation.pose": pose, "observation.state": state}
+    columns = {"observation.pose": pose, "observation.state": state}
     for name in ("wrench", "tactile"):
         if (values := getattr(run, name)) is not None:
-            found[f"observation.{name}"] = sampled(values)
-    found |= {"action": np.vstack([state[1:], state[-1:]]), "timestamp": time}
-    found = {name: values.astype(np.float32) for name, values in found.items()}
+            columns[f"observation.{name}"] = sampled(values)
+    columns |= {"action": np.vstack([state[1:], state[-1:]]), "timestamp": time}
+    columns = {name: values.astype(np.float32) for name, values in columns.items()}
     subtask = np.searchsorted(starts, at + 1e-9, side="right") - 1
-    return found | {"frame_index": np.arange(count), "subtask_index": subtask}
+    return columns | {"frame_index": np.arange(count), "subtask_index": subtask}
 
 
 def _write_data(episodes: Sequence[Frames], names: Mapping[str, Any], folder: Path) -> list[dict[str, Any]]:
@@ -140,7 +140,7 @@ def _write_data(episodes: Sequence[Frames], names: Mapping[str, Any], folder: Pa
         row |= {"dataset_to_index": first + count, "data/chunk_index": chunk, "data/file_index": file}
         row |= {"meta/episodes/chunk_index": 0, "meta/episodes/file_index": 0}
         for name, by in statistics([episode]).items():
-            row |= {f"stats/{name}/{kind}": its for kind, its in by.items()}
+            row |= {f"stats/{name}/{kind}": value for kind, value in by.items()}
         rows.append(row)
         first += count
     for number, its in enumerate(files):
@@ -158,13 +158,13 @@ def _write_data(episodes: Sequence[Frames], names: Mapping[str, Any], folder: Pa
 
 def statistics(episodes: Sequence[Frames]) -> dict[str, dict[str, list[float]]]:
     """`min`, `max`, `mean`, `std` and `count` of each feature, by column."""
-    found = {}
+    statistics = {}
     for name in episodes[0]:
-        values = np.concatenate([one[name] for one in episodes]).astype(float)
+        values = np.concatenate([episode[name] for episode in episodes]).astype(float)
         values = values.reshape(len(values), -1)
         kinds = {kind: getattr(values, kind)(axis=0).tolist() for kind in ("min", "max", "mean", "std")}
-        found[name] = kinds | {"count": [len(values)]}
-    return found
+        statistics[name] = kinds | {"count": [len(values)]}
+    return statistics
 
 
 def _write_meta(
@@ -178,7 +178,8 @@ def _write_meta(
     folder: Path,
 ) -> None:
     features: dict[str, dict[str, Any]] = {
-        name: {"dtype": "float32", "shape": [len(its)], "names": list(its)} for name, its in names.items()
+        name: {"dtype": "float32", "shape": [len(parts)], "names": list(parts)}
+        for name, parts in names.items()
     }
     for name in ("timestamp", *COUNTERS):
         kind = "float32" if name == "timestamp" else "int64"

@@ -52,14 +52,14 @@ def segmented(
     if presegmented is None:
         assert cutting is not None
         return cut(runs, cutting)
-    names = [one.name for one in runs]
-    its = {
+    names = [run.name for run in runs]
+    about = {
         "demonstration": names,
         "primitive": names if presegmented == PARTS else presegmented,
         "method": RESULT,
     }
     return Segmentation(
-        cuts=pd.DataFrame(its | {"start_s": 0.0, "end_s": [float(one.time[-1]) for one in runs]}),
+        cuts=pd.DataFrame(about | {"start_s": 0.0, "end_s": [float(run.time[-1]) for run in runs]}),
         pairs=pd.DataFrame(columns=PAIR_COLUMNS),
         left_out=pd.DataFrame(columns=["demonstration", "reason"]),
         warnings=pd.DataFrame(columns=WARNING_COLUMNS).astype({"number": float}),
@@ -73,29 +73,29 @@ def learned_cuts(segmentation: Segmentation, keep_flagged: bool) -> dict[str, pd
     Raises InputError: all have one.
     """
     flagged = [] if keep_flagged else segmentation.warnings["demonstration"].unique()
-    found = {name: cuts[~cuts.index.isin(flagged)] for name, cuts in segmentation.results.items()}
-    if not all(len(cuts) for cuts in found.values()):
+    results = {name: cuts[~cuts.index.isin(flagged)] for name, cuts in segmentation.results.items()}
+    if not all(len(cuts) for cuts in results.values()):
         reason = segmentation.warnings["reason"].iloc[0]
         raise InputError(
             f"no demonstration is without a cut warning ({reason}); `keep_flagged: true` learns from all"
         )
-    return found
+    return results
 
 
 def cut_metrics(runs: Sequence[Demonstration], segmentation: Segmentation) -> Metrics:
     """Number of demonstrations, mean durations and, for simulated data, the mean error of the cut points."""
-    found: Metrics = {
+    metrics: Metrics = {
         "cuts_demonstrations": segmentation.cuts["demonstration"].nunique(),
         "cuts_left_out": len(segmentation.left_out),
         "cuts_warnings": len(segmentation.warnings),
     }
     for name, cuts in segmentation.results.items():
-        found[f"cuts_{name}_mean_s"] = float((cuts["end_s"] - cuts["start_s"]).mean())
-    count, true = len(segmentation.primitives), [one.true_segments for one in runs]
-    if len(runs) > 1 and all(its is not None and len(its) == count for its in true):
+        metrics[f"cuts_{name}_mean_s"] = float((cuts["end_s"] - cuts["start_s"]).mean())
+    count, true = len(segmentation.primitives), [run.true_segments for run in runs]
+    if len(runs) > 1 and all(segments is not None and len(segments) == count for segments in true):
         errors = mean_cut_errors_ms(cut_errors(runs, segmentation))
-        found["cuts_error_ms"] = float(errors.loc[RESULT, "mean_ms"])
-    return found
+        metrics["cuts_error_ms"] = float(errors.loc[RESULT, "mean_ms"])
+    return metrics
 
 
 def cut_errors_between_rests(
@@ -116,8 +116,8 @@ def _found_again(
 ) -> pd.DataFrame:
     noise, seed = level
     embedded = [
-        between_dwells(one, REST_S, NOISE_HZ, 1e-3 * noise, np.random.default_rng([seed, place]))
-        for place, one in enumerate(runs)
+        between_dwells(run, REST_S, NOISE_HZ, 1e-3 * noise, np.random.default_rng([seed, place]))
+        for place, run in enumerate(runs)
     ]
     return cut_errors(embedded, cut(embedded, cutting)).assign(noise_mm=noise, seed=seed)
 
@@ -134,9 +134,9 @@ def reproduction(
     tables = [cross_validation(runs, cuts, parameters, fold).assign(scaled=True)]
     published = parameters.model_copy(update={"scaled_axes": (False,) * 3})
     spread: dict[tuple[str, str], float] = {}
-    for name, its in cuts.items():
-        segments = segment_paths(runs, its, parameters.smoothing_hz)
-        names = [one.name for one in runs if one.name in its.index]
+    for name, own in cuts.items():
+        segments = segment_paths(runs, own, parameters.smoothing_hz)
+        names = [run.name for run in runs if run.name in own.index]
         primitive = learn_primitive(name, segments, published)
         errors = reproduction_errors(primitive, segments)
         keys = {"primitive": name, "demonstration": names, "regression": parameters.regression}
@@ -145,7 +145,7 @@ def reproduction(
         paths = [in_local_frame(position, primitive.position.frame).position for position, _ in segments]
         curves = np.array([signals.time_normalised(path, SAMPLES) for path in paths])
         off_mm = 1e3 * np.linalg.norm(curves - curves.mean(axis=0), axis=2).mean(axis=1)
-        spread |= {(name, one): mm for one, mm in zip(names, off_mm, strict=True)}
+        spread |= {(name, run): mm for run, mm in zip(names, off_mm, strict=True)}
     table = pd.concat(tables, ignore_index=True)
     both = zip(table["primitive"], table["demonstration"], strict=True)
     return table.assign(from_mean_mm=[spread[key] for key in both])
@@ -154,16 +154,20 @@ def reproduction(
 def fit_metrics(reproduction: pd.DataFrame, parameters: FitParameters) -> Metrics:
     """Mean distance of each primitive from demonstrations left out, or from its own if there is only one."""
     used = reproduction[(reproduction["regression"] == parameters.regression) & reproduction["scaled"]]
-    found: Metrics = {}
-    for name, its in used.groupby("primitive", sort=False):
-        told, word = (its[its["left_out"]], "left_out") if its["left_out"].any() else (its, "fit")
+    metrics: Metrics = {}
+    for name, errors in used.groupby("primitive", sort=False):
+        shown, word = (
+            (errors[errors["left_out"]], "left_out") if errors["left_out"].any() else (errors, "fit")
+        )
         for unit in ("mm", "deg"):
-            if f"mean_{unit}" in told:
-                found[f"primitives_{name}_{word}_{unit}"] = float(told[f"mean_{unit}"].mean())
-    return found
+            if f"mean_{unit}" in shown:
+                metrics[f"primitives_{name}_{word}_{unit}"] = float(shown[f"mean_{unit}"].mean())
+    return metrics
 
 
-def turns(runs: Sequence[Demonstration], primitive: PosePrimitive, parameters: FitParameters) -> pd.DataFrame:
+def turn_errors(
+    runs: Sequence[Demonstration], primitive: PosePrimitive, parameters: FitParameters
+) -> pd.DataFrame:
     """Reproduction of orientations by a primitive learned from each run alone, and by the one from all.
 
     Returns `learned_from`, `compared_with`, `turn_deg` (net rotation of the run), `mean_deg`, `max_deg`,
@@ -232,14 +236,14 @@ def learn_traces(
         recorded = without_offset(part.signal("tactile"), parts[0].signal("tactile"))
         primitives[part.name] = fit_expected_traces([recorded], part.dt, smoothing_hz)
         expected = expected_traces(primitives[part.name], len(recorded), part.dt)
-        its = pd.DataFrame({"primitive": part.name, "electrode": np.arange(1, recorded.shape[1] + 1)})
+        about = pd.DataFrame({"primitive": part.name, "electrode": np.arange(1, recorded.shape[1] + 1)})
         errors = {
             "range": np.ptp(recorded, axis=0),
             "rms": np.sqrt(np.mean((expected - recorded) ** 2, axis=0)),
             "nmse": metrics.nmse(expected, recorded),
         }
-        scores.append(its.assign(**errors))
+        scores.append(about.assign(**errors))
         values = {"recorded": recorded.T.ravel(), "expected": expected.T.ravel()}
-        each = its.loc[its.index.repeat(len(recorded))]
-        traces.append(each.assign(time_s=np.tile(part.time, len(its)), **values))
+        each = about.loc[about.index.repeat(len(recorded))]
+        traces.append(each.assign(time_s=np.tile(part.time, len(about)), **values))
     return primitives, pd.concat(scores, ignore_index=True), pd.concat(traces, ignore_index=True)

@@ -148,14 +148,17 @@ class MovementEntry(SourceParameters):
         """All files and folders that are read, as written in the entry, by their role."""
         pose = None if self.topics is None else self.topics.pose
         computed = (pose.urdf,) if isinstance(pose, JointPose) else ()
-        found: dict[str, tuple[str, ...]] = {"demonstrations": (self.source, *computed), "robot": ()}
+        sources: dict[str, tuple[str, ...]] = {"demonstrations": (self.source, *computed), "robot": ()}
         if self.feedback is not None:
-            found |= {"executions": (self.feedback.executions,), "corrections": (self.feedback.corrections,)}
+            sources |= {
+                "executions": (self.feedback.executions,),
+                "corrections": (self.feedback.corrections,),
+            }
         if self.corrections is not None:
-            found["corrected"] = (self.corrections.source,)
+            sources["corrected"] = (self.corrections.source,)
         if self.robot is not None:
-            found["robot"] = (self.robot.urdf,)
-        return found
+            sources["robot"] = (self.robot.urdf,)
+        return sources
 
 
 Entry = MovementEntry

@@ -57,11 +57,11 @@ def completeness(runs: Sequence[Demonstration], nominal: PositionPrimitive, larg
     A run that starts or ends in mid-air lacks a start or goal, hence a local frame and coupling targets.
     Returns `run`, `start_off_mm`, `goal_off_mm`, and whether it is `complete`.
     """
-    ends = np.array([one.position[[0, -1]] for one in runs]) - [nominal.start, nominal.goal]
+    ends = np.array([run.position[[0, -1]] for run in runs]) - [nominal.start, nominal.goal]
     off_mm = 1e3 * np.linalg.norm(ends, axis=2)
     return pd.DataFrame(
         {
-            "run": [one.name for one in runs],
+            "run": [run.name for run in runs],
             "start_off_mm": off_mm[:, 0],
             "goal_off_mm": off_mm[:, 1],
             "complete": off_mm.max(axis=1) <= 1e3 * largest_m,
@@ -72,19 +72,19 @@ def completeness(runs: Sequence[Demonstration], nominal: PositionPrimitive, larg
 def complete(runs: Sequence[Demonstration], completeness: pd.DataFrame) -> list[Demonstration]:
     """Select the complete runs."""
     names = set(completeness.loc[completeness["complete"], "run"])
-    return [one for one in runs if one.name in names]
+    return [run for run in runs if run.name in names]
 
 
-def corrected_runs(
+def runs_with_coupling(
     runs: Sequence[Demonstration], nominal: PositionPrimitive, smoothing_hz: float
 ) -> list[CorrectedRun]:
     """Corrected runs with the coupling term that each requires of the nominal primitive."""
-    found = []
+    corrected = []
     for run in runs:
         path = in_local_frame(differentiated(run.position, run.dt, smoothing_hz), nominal.frame)
         target = position_target(path, nominal.local, goal=path.position[-1])
-        found.append(CorrectedRun(run.name, path, target))
-    return found
+        corrected.append(CorrectedRun(run.name, path, target))
+    return corrected
 
 
 def phase_networks(
@@ -120,8 +120,8 @@ def typical_paths(
 
     Returns `nominal` and `coupling`: (T, 3) paths in the base frame.
     """
-    start, goal = (np.mean([one.position[end] for one in runs], axis=0) for end in (0, -1))
-    duration, dt = float(np.mean([one.time[-1] for one in runs])), runs[0].dt
+    start, goal = (np.mean([run.position[end] for run in runs], axis=0) for end in (0, -1))
+    duration, dt = float(np.mean([run.time[-1] for run in runs])), runs[0].dt
     terms = phase_coupling(networks, sample_count(duration, dt))
     return {
         "nominal": nominal.unroll(dt, start, goal, duration),
@@ -152,39 +152,39 @@ def learn_corrections(
     """
     if len(runs) < 2:
         raise MissingInputError(f"{len(runs)} complete corrected runs; at least two are needed")
-    curves = np.array([_curve(one.path) for one in runs])  # (L, S, 3) m
-    unchanged = np.array([_curve(adapted_path(nominal, one.path)) for one in runs])
-    targets = np.array([signals.time_normalised(one.target, SAMPLES) for one in runs])
+    curves = np.array([_curve(run.path) for run in runs])  # (L, S, 3) m
+    unchanged = np.array([_curve(adapted_path(nominal, run.path)) for run in runs])
+    targets = np.array([signals.time_normalised(run.target, SAMPLES) for run in runs])
     fraction = np.linspace(0.0, 1.0, SAMPLES)
     clock = {"fraction": fraction, "phase": canonical.phase(fraction, canonical.TAU_PER_DURATION)[0]}
     networks, profiles = [], []
-    found: dict[str, list[pd.DataFrame]] = {"distances": [], "scores": [], "paths": []}
+    frames: dict[str, list[pd.DataFrame]] = {"distances": [], "scores": [], "paths": []}
     for split in range(parameters.splits):
         seen, unseen = _split(len(runs), split)
         networks.append(phase_networks([runs[place].target for place in seen], parameters.kernel_count))
         coupled = np.array([_curve(adapted_path(nominal, runs[at].path, networks[-1])) for at in unseen])
         paths = {"nominal": unchanged[unseen], "coupling": coupled, "spread": curves[seen].mean(axis=0)}
         away = {
-            f"{name}_mm": 1e3 * np.linalg.norm(its - curves[unseen], axis=-1) for name, its in paths.items()
+            f"{name}_mm": 1e3 * np.linalg.norm(path - curves[unseen], axis=-1) for name, path in paths.items()
         }  # (M, S) each
         profiles.append(pd.DataFrame({name: mm.mean(axis=0) for name, mm in away.items()}))
         names = [runs[place].name for place in unseen]
         distances = {name: mm.mean(axis=1) for name, mm in away.items()}
         distances |= {"end_share": _end_share(away["coupling_mm"]), "split": split}
-        found["distances"].append(pd.DataFrame({"run": names, "learned_from": len(seen)} | distances))
-        found["scores"].append(_scores(networks[-1], targets[unseen]).assign(split=split))
+        frames["distances"].append(pd.DataFrame({"run": names, "learned_from": len(seen)} | distances))
+        frames["scores"].append(_scores(networks[-1], targets[unseen]).assign(split=split))
         if split == 0:
             shown = {"recorded": curves[unseen], "nominal": paths["nominal"], "coupling": coupled}
-            found["paths"] = [
+            frames["paths"] = [
                 pd.DataFrame(
                     {"run": name, "path": kind, "fraction": fraction} | dict(zip(AXES, curve.T, strict=True))
                 )
-                for kind, its in shown.items()
-                for name, curve in zip(names, its, strict=True)
+                for kind, path in shown.items()
+                for name, curve in zip(names, path, strict=True)
             ]
-    tables = {name: pd.concat(its, ignore_index=True) for name, its in found.items()}
+    tables = {name: pd.concat(parts, ignore_index=True) for name, parts in frames.items()}
     tables["profile"] = pd.DataFrame(
-        clock | {name: np.mean([one[name] for one in profiles], axis=0) for name in profiles[0]}
+        clock | {name: np.mean([profile[name] for profile in profiles], axis=0) for name in profiles[0]}
     )
     mean, std, learned = targets.mean(axis=0), targets.std(axis=0), phase_coupling(networks[0], SAMPLES)
     by_axis = [

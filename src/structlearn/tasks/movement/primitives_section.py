@@ -17,11 +17,10 @@ from structlearn.readers.demonstration import Demonstration
 from structlearn.reporting.document import Table
 from structlearn.reporting.figure_style import SAMPLES, Drawing, legend, panel, styled
 from structlearn.reporting.findings import Findings
-from structlearn.reporting.movement_figures import fit_panel, sequence_figure, space_panels
+from structlearn.reporting.movement_figures import reproduction_panel, sequence_figure, space_panels
 from structlearn.tasks.movement.movement_learning import fit_metrics, learned_cuts
 from structlearn.tasks.movement.parameters import PARTS, MovementEntry
-from structlearn.tasks.section import Section
-from structlearn.tasks.shown_tables import shown
+from structlearn.tasks.section import Section, shown
 from structlearn.tasks.task_files import TaskFiles
 
 TITLES = {"nominal": "Nominal", "generalised": "New situation"}
@@ -41,17 +40,18 @@ def primitives_section(files: TaskFiles) -> Section:
     """Section on the learned primitives and their distances from the demonstrations."""
     own, runs, primitives = files.entry(MovementEntry), files.runs("demonstrations"), files.primitives()
     cuts = learned_cuts(files.segmentation(), own.keep_flagged)
-    segments = {name: segment_paths(runs, its, own.fit.smoothing_hz) for name, its in cuts.items()}
+    segments = {name: segment_paths(runs, cut, own.fit.smoothing_hz) for name, cut in cuts.items()}
     reproduction = files.table("primitives/reproduction").query("regression == @own.fit.regression")
-    errors = summary(reproduction)
+    errors = error_summary(reproduction)
     sequences = {title: files.table(f"primitives/{name}") for name, title in TITLES.items()}
     left_out = errors[errors["demonstrations"] == "left out"]
-    told = left_out if len(left_out) else errors
+    quoted = left_out if len(left_out) else errors
     pictures: dict[str, Drawing | Sequence[Drawing]] = {}
     if own.presegmented in (None, PARTS):
-        pictures["space"] = space_figure(runs, sequences[TITLES["nominal"]])
+        pictures["space"] = sequence_in_space(runs, sequences[TITLES["nominal"]])
         pictures["fit"] = [
-            fit_figure(one, place, segments[one.name], runs[0].dt) for place, one in enumerate(primitives)
+            fit_figure(primitive, place, segments[primitive.name], runs[0].dt)
+            for place, primitive in enumerate(primitives)
         ]
         pictures["sequence"] = sequence_figure(sequences)
     else:
@@ -63,7 +63,7 @@ def primitives_section(files: TaskFiles) -> Section:
         ]
     facts = {
         "own": own,
-        "worst": told.loc[told["mean_mm"].idxmax()].to_dict(),
+        "worst": quoted.loc[quoted["mean_mm"].idxmax()].to_dict(),
         "jump": max(map(largest_acceleration_jump, sequences.values())),
         "names": list(cuts),
         "turns": "mean_deg" in errors,
@@ -83,27 +83,27 @@ def primitives_section(files: TaskFiles) -> Section:
     return Section("primitives", "Primitives", facts=facts, tables=tables, pictures=pictures, find=find)
 
 
-def summary(reproduction: pd.DataFrame) -> pd.DataFrame:
+def error_summary(reproduction: pd.DataFrame) -> pd.DataFrame:
     """Errors by primitive and variant: means of mean errors, maxima of largest and end errors."""
     keys = zip(reproduction["left_out"], reproduction["scaled"], strict=True)
     named = reproduction.assign(demonstrations=[VARIANTS[key][1] for key in keys])
     how = {name: "mean" if "mean" in name else "max" for name in REPRODUCTION_ERRORS if name in named}
-    found = named.groupby(["primitive", "demonstrations"], sort=False).agg(how).reset_index()
-    return found.iloc[np.argsort(pd.factorize(found["primitive"])[0], kind="stable")]
+    table = named.groupby(["primitive", "demonstrations"], sort=False).agg(how).reset_index()
+    return table.iloc[np.argsort(pd.factorize(table["primitive"])[0], kind="stable")]
 
 
 def add_distances(
     find: Findings, reproduction: pd.DataFrame, errors: pd.DataFrame, segments: dict[str, list[Segment]]
 ) -> None:
     """Add distances by primitive and variant, and findings for claims over all primitives."""
-    for name, its in reproduction.groupby("primitive", sort=False):
-        find.mean(f"{name}_own_spread_mm", its.drop_duplicates("demonstration")["from_mean_mm"], unit="mm")
+    for name, own in reproduction.groupby("primitive", sort=False):
+        find.mean(f"{name}_own_spread_mm", own.drop_duplicates("demonstration")["from_mean_mm"], unit="mm")
     prefixes = {words: prefix for prefix, words in VARIANTS.values()}
     for row in errors.to_dict("records"):
         lead = f"{row['primitive']}_{prefixes[row['demonstrations']]}"
         for key, column in (("mean_mm", "mean_mm"), ("max_mm", "max_mm"), ("end_max_mm", "end_mm")):
             find.exact(f"{lead}_{key}", row[column], unit="mm")
-    variants = {key: its for key, its in reproduction.groupby(["left_out", "scaled"], sort=False)}
+    variants = {key: rows for key, rows in reproduction.groupby(["left_out", "scaled"], sort=False)}
     published = variants.get((False, False), variants[False, True])
     paths = [path.position for name in published["primitive"].unique() for path, _ in segments[name]]
     lengths_mm = 1e3 * np.linalg.norm([path[-1] - path[0] for path in paths], axis=1)
@@ -114,9 +114,9 @@ def add_distances(
 
 
 @styled
-def space_figure(runs: list[Demonstration], nominal: pd.DataFrame) -> list[Figure]:
+def sequence_in_space(runs: list[Demonstration], nominal: pd.DataFrame) -> list[Figure]:
     """Nominal sequence over all demonstrations, in space."""
-    paths = [(one.position, {"color": palette.LIGHT_GREY, "linewidth": 0.8}) for one in runs]
+    paths = [(run.position, {"color": palette.LIGHT_GREY, "linewidth": 0.8}) for run in runs]
     for place, (name, part) in enumerate(nominal.groupby("primitive", sort=False)):
         look = {"color": palette.primitive_colour(place), "linewidth": 2.2, "label": name}
         paths.append((part[AXES].to_numpy(), look))
@@ -128,7 +128,9 @@ def fit_figure(primitive: PosePrimitive, place: int, segments: list[Segment], dt
     """Segments of all demonstrations relative to their goal, with the unrolled primitive."""
     shown = [1e3 * (path.position - path.position[-1]) for path, _ in segments]
     unrolled = 1e3 * (primitive.position.unroll(dt).position - primitive.position.goal)
-    return fit_panel(primitive.name, place, shown, np.asarray(unrolled), [f"{axis} (mm)" for axis in AXES])
+    return reproduction_panel(
+        primitive.name, place, shown, np.asarray(unrolled), [f"{axis} (mm)" for axis in AXES]
+    )
 
 
 @styled
@@ -181,8 +183,8 @@ def turns_section(files: TaskFiles) -> Section | None:
     single_deg, all_deg = single["mean_deg"].mean(), joint["mean_deg"].item()
     find.exact(f"{primitive.name}_mean_deg_single", single_deg, unit="degrees")
     find.exact(f"{primitive.name}_mean_deg_joint", all_deg, unit="degrees", headline=True)
-    for kind, its in (("single", single), ("joint", joint)):
-        find.exact(f"{primitive.name}_end_deg_{kind}", its["end_deg"].max(), unit="degrees")
+    for kind, rows in (("single", single), ("joint", joint)):
+        find.exact(f"{primitive.name}_end_deg_{kind}", rows["end_deg"].max(), unit="degrees")
     turned = {"least_turn": single["turn_deg"].min(), "most_turn": single["turn_deg"].max()}
     return Section(
         "turns",
@@ -270,12 +272,14 @@ def execution_panel(parts: list[Demonstration], path: pd.DataFrame) -> Figure:
     figure, axes = panel("Recorded (grey), sequence", xlabel="time (s)", ylabel="from the start (mm)")
     first, origin = 0, path[AXES].iloc[0].to_numpy()
     for number, part in enumerate(parts):
-        its = path.iloc[first : first + len(part.time) : 8]
+        samples = path.iloc[first : first + len(part.time) : 8]
         for place, (axis, colour) in enumerate(zip(AXES, palette.AXIS_COLOURS, strict=True)):
             recorded = 1e3 * (part.position[::8, place] - origin[place])
-            axes.plot(its["time_s"], recorded, color=palette.LIGHT_GREY, linewidth=3.5)
-            unrolled = 1e3 * (its[axis] - origin[place])
-            axes.plot(its["time_s"], unrolled, color=colour, linewidth=1.2, label=None if number else axis)
+            axes.plot(samples["time_s"], recorded, color=palette.LIGHT_GREY, linewidth=3.5)
+            unrolled = 1e3 * (samples[axis] - origin[place])
+            axes.plot(
+                samples["time_s"], unrolled, color=colour, linewidth=1.2, label=None if number else axis
+            )
         first += len(part.time) - 1
         axes.axvline(path["time_s"].iloc[first], color=palette.GREY, linewidth=0.7)
     return legend(figure, 3)
@@ -300,8 +304,10 @@ def electrode_panels(scores: pd.DataFrame, traces: pd.DataFrame) -> list[Figure]
     for name, part in traces.groupby("primitive", sort=False):
         figure, axes = panel(f"{name}: recorded (grey), primitive", xlabel="time (s)", ylabel="counts")
         for colour, electrode in zip(palette.CATEGORICAL_COLOURS, strongest, strict=False):
-            its = part[part["electrode"] == electrode].iloc[::8]
-            axes.plot(its["time_s"], its["recorded"], color=palette.LIGHT_GREY, linewidth=3.0)
-            axes.plot(its["time_s"], its["expected"], color=colour, linewidth=1.1, label=f"E{electrode}")
+            samples = part[part["electrode"] == electrode].iloc[::8]
+            axes.plot(samples["time_s"], samples["recorded"], color=palette.LIGHT_GREY, linewidth=3.0)
+            axes.plot(
+                samples["time_s"], samples["expected"], color=colour, linewidth=1.1, label=f"E{electrode}"
+            )
         figures.append(legend(figure, 3))
     return figures

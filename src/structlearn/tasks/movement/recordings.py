@@ -15,7 +15,7 @@ from structlearn.readers.demonstration import write_runs
 from structlearn.readers.foreign_tables import read_each
 from structlearn.readers.source import setting_label
 from structlearn.readers.source_files import recording_files
-from structlearn.segmentation.repeats import split
+from structlearn.segmentation.repeats import split_repeats
 from structlearn.tasks.movement.parameters import MovementEntry
 from structlearn.tasks.task_files import local_path
 from structlearn.tasks.task_import import LeftOut, goes_on, on_clock, read_source, subfolders
@@ -39,7 +39,7 @@ def write(task: MovementEntry, folder: Path, left_out: LeftOut) -> None:
         runs = on_clock(task, its, task.clock, left_out)
         if name == "demonstrations" and task.repeats != 1 and task.segment is not None:
             count = None if task.repeats == "auto" else task.repeats
-            runs, repeats = split(runs, task.segment, count)
+            runs, repeats = split_repeats(runs, task.segment, count)
             write_table(repeats, folder / "repeats.parquet")
         write_runs(runs, folder / f"{name}.parquet")
     write_table(recording_table(recordings), folder / "recordings.parquet")

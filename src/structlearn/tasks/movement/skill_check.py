@@ -36,7 +36,7 @@ from structlearn.rigid_body.arm_kinematics import (
     follow,
     link_distances,
     read_arm,
-    read_shapes,
+    read_collision_shapes,
     rest_for,
 )
 from structlearn.rigid_body.urdf import urdf_path
@@ -83,7 +83,7 @@ def unrolls(skill: ReactiveSkill, rate_hz: float, slower: float = 1.0) -> Iterat
             yield run(silent, GOALS, f"end of {primitive.name} {name}", start, changed)
     for axis, sign in product(skill.axes, (1.0, -1.0)):
         pushing = open_loop(np.full(KERNEL_COUNT, sign * BEYOND_ALL_BOUNDS))
-        networks = {name: {axis: pushing} for name, its in skill.networks.items() if axis in its}
+        networks = {name: {axis: pushing} for name, by_axis in skill.networks.items() if axis in by_axis}
         pushed = replace(skill, networks=networks)
         # networks are modulated by the phase velocity, which is negative
         yield run(pushed, CORRECTIONS, f"{axis} {'-' if sign > 0 else '+'}", start, goals)
@@ -110,7 +110,7 @@ def _run(
     slower: float,
 ) -> Unroll:
     """Output of the controller, tick by tick."""
-    durations = [slower * one.duration for one in skill.primitives]
+    durations = [slower * primitive.duration for primitive in skill.primitives]
     controller = Controller(skill, rate_hz, durations, goals=goals)
     controller.start(start.position, start.orientation)
     ticks = 1 + sum(sample_count(duration, 1.0 / rate_hz) - 1 for duration in durations)
@@ -123,7 +123,7 @@ def _run(
 
 
 def check_skill(skill: ReactiveSkill, parameters: RobotParameters) -> SkillCheck:
-    """Follow all runs of a skill with a robot; if some fail, try changes that may fix them (`changes`).
+    """Follow all runs of a skill with a robot; if some fail, try changes that may fix them (`remedies`).
 
     Raises InputError: the URDF is not usable, the number of bounds does not match the joints, or no joint
     configuration reaches the start.
@@ -137,7 +137,7 @@ def check_skill(skill: ReactiveSkill, parameters: RobotParameters) -> SkillCheck
     else:
         rest = _per_joint(arm, parameters, "rest_configuration")
     try:
-        shapes = read_shapes(arm, parameters.locked_joints, rest)
+        shapes = read_collision_shapes(arm, parameters.locked_joints, rest)
         notes = tuple(f"{pair} touch at rest and are not watched" for pair in shapes.touching)
         notes += tuple(f"what {joint} moves has no collision shape" for joint in shapes.bare)
     except InputError as error:
@@ -145,18 +145,18 @@ def check_skill(skill: ReactiveSkill, parameters: RobotParameters) -> SkillCheck
     if skill.workspace is None:
         notes += ("the skill has no workspace, so starts and goals elsewhere were not tried",)
 
-    def rows_of(its: Iterable[Unroll]) -> pd.DataFrame:
+    def rows_of(unrolls: Iterable[Unroll]) -> pd.DataFrame:
         rows = []
-        for run in its:
+        for run in unrolls:
             followed = follow(arm, run.position, run.orientation, 1.0 / RATE_HZ, rest)
-            found = margins(arm, followed, parameters, shapes)
-            rows += [{"kind": run.kind, "run": run.name, **row} for row in found]
+            found_margins = margins(arm, followed, parameters, shapes)
+            rows += [{"kind": run.kind, "run": run.name, **row} for row in found_margins]
         return pd.DataFrame(rows)
 
     named_rest = dict(zip(arm.tree.names, rest.tolist(), strict=True))
     check = SkillCheck(rows_of(runs), named_rest, notes, check_results.NOTHING_TRIED)
     failing, tried = set(check.failing["run"]), []
-    for change, changed, slower in changes(skill, check):
+    for change, changed, slower in remedies(skill, check):
         again = (run for run in unrolls(changed, RATE_HZ, slower) if run.name in failing)
         still = rows_of(in_arm_frames(run, parameters) for run in again)
         left = int(still.loc[still["verdict"] == NO, "run"].nunique())
@@ -166,7 +166,7 @@ def check_skill(skill: ReactiveSkill, parameters: RobotParameters) -> SkillCheck
     return replace(check, tried=pd.DataFrame(tried, columns=check_results.TRIED)) if tried else check
 
 
-def changes(skill: ReactiveSkill, check: SkillCheck) -> Iterator[tuple[str, ReactiveSkill, float]]:
+def remedies(skill: ReactiveSkill, check: SkillCheck) -> Iterator[tuple[str, ReactiveSkill, float]]:
     """Changes that may fix failing runs: description, changed skill, factor on its durations.
 
     Slower if velocity, acceleration or jerk fail; a smaller workspace if starts or goals fail, smaller bounds
@@ -233,18 +233,20 @@ def margins(
     middle = np.where(np.isfinite(half), room / np.where(np.isfinite(half), half, 1.0), 1.0)
     nearer = np.where(joints - tree.lower <= tree.upper - joints, tree.lower, tree.upper)
 
-    def at_most(values: np.ndarray, bound: np.ndarray | float, names: Sequence[str], its: list[str]) -> tuple:
+    def at_most(
+        values: np.ndarray, bound: np.ndarray | float, names: Sequence[str], units: list[str]
+    ) -> tuple:
         size = np.abs(values)
-        return size, bound, 1.0 - size / bound, names, its
+        return size, bound, 1.0 - size / bound, names, units
 
     def of_joints(values: np.ndarray, bound: np.ndarray, per: str = "") -> tuple:
-        return at_most(values, bound, tree.names, [f"{one}{per}" for one in units])
+        return at_most(values, bound, tree.names, [f"{unit}{per}" for unit in units])
 
     def at_least(values: np.ndarray, bound: float, names: Sequence[str], unit: str) -> tuple:
         return values, bound, values / bound - 1.0, names, [unit] * len(names)
 
     largest, least = partial(_per_joint, arm, parameters), parameters.least_singular_value
-    for quantity, found in (
+    for quantity, result in (
         ("position", at_most(path.missed_m[:, None], REACH_M, ["tip"], ["m"])),
         ("orientation", at_most(path.missed_rad[:, None], REACH_RAD, ["tip"], ["rad"])),
         ("joint range", (joints, nearer, middle, tree.names, units)),
@@ -254,14 +256,14 @@ def margins(
         ("joint jump", of_joints(steps, np.full(len(units), JUMP))),
         ("singularity", at_least(path.least_singular_value[:, None], least, ["tip"], "")),
     ):
-        yield {"quantity": quantity} | _worst(*found)
+        yield {"quantity": quantity} | _worst(*result)
     if shapes is None:
         yield {"quantity": "self-collision", "where": "", "unit": "m", "verdict": check_results.NOT_TESTED}
     else:
         apart = parameters.least_distance_m
         distances = link_distances(shapes, joints[::COLLISION_EVERY], apart * (1.0 + check_results.THIN))
-        its = _worst(*at_least(distances, apart, shapes.pairs, "m"))
-        yield {"quantity": "self-collision"} | its | {"time_s": COLLISION_EVERY * its["time_s"]}
+        worst = _worst(*at_least(distances, apart, shapes.pairs, "m"))
+        yield {"quantity": "self-collision"} | worst | {"time_s": COLLISION_EVERY * worst["time_s"]}
 
 
 def _per_joint(arm: Arm, parameters: RobotParameters, key: str) -> np.ndarray:
@@ -292,5 +294,5 @@ def _worst(
         "unit": units[place],
         "margin": margin,
         "time_s": sample / RATE_HZ,
-        "verdict": check_results.verdict(margin),
+        "verdict": check_results.margin_verdict(margin),
     }

@@ -93,8 +93,8 @@ def joined_execution(parts: Sequence[Demonstration]) -> tuple[list[Demonstration
         starts.append(times[-1][-1] + part.dt)
     recorded: dict[str, Any] = {}
     for name in SIGNAL_UNITS:
-        its = [getattr(part, name) for part in parts]
-        recorded[name] = None if any(one is None for one in its) else np.concatenate(its)
+        signals = [getattr(part, name) for part in parts]
+        recorded[name] = None if any(signal is None for signal in signals) else np.concatenate(signals)
     execution = replace(parts[0], name=EXECUTION, time=np.concatenate(times), **recorded)
     of = {"demonstration": EXECUTION, "primitive": [part.name for part in parts], "method": RESULT}
     cuts = pd.DataFrame(of | {"start_s": starts[:-1], "end_s": starts[1:]})

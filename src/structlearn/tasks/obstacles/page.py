@@ -20,7 +20,7 @@ from structlearn.tasks.obstacles.parameters import ObstacleParameters
 from structlearn.tasks.section import Section
 from structlearn.tasks.task_files import TaskFiles
 
-# models of `avoidance.scene_folds`, repeated as text so that drawing need not import learning code
+# models of `learning`, repeated as text so that drawing need not import learning code
 RECORDED, OURS, PUBLISHED, NONE, PLANNED = "recorded", "scene", "published", "none", "planned"
 LOOKS = {RECORDED: Look("recorded", DEMONSTRATION_COLOUR)} | SCENE_MODELS
 # line widths of the models drawn
@@ -41,8 +41,8 @@ class SceneWays(dict[str, pd.DataFrame]):
 
     def of(self, model: str, blocked: bool = False) -> pd.DataFrame:
         """Reaches of one model; `blocked`: only those whose straight line meets an obstacle."""
-        its = self["reaches"].query("model == @model")
-        return its[its["blocked"]] if blocked else its
+        reaches = self["reaches"].query("model == @model")
+        return reaches[reaches["blocked"]] if blocked else reaches
 
     def by_person(self, model: str, column: str) -> pd.Series:
         """Mean of a column by person."""
@@ -60,14 +60,14 @@ class SceneWays(dict[str, pd.DataFrame]):
 
 def sections(files: TaskFiles) -> list[Section]:
     """The section on reaches past obstacles."""
-    found = SceneWays({name: files.table(f"obstacles/{name}") for name in TABLES})
-    find, people = scene_findings(found), found["people"]
-    named = all(found["reaches"]["person"] != found["reaches"]["reach"])
+    results = SceneWays({name: files.table(f"obstacles/{name}") for name in TABLES})
+    find, people = scene_findings(results), results["people"]
+    named = all(results["reaches"]["person"] != results["reaches"]["reach"])
     facts = {
         "find": find,
         "who": "people" if named else "recordings",
-        "folds": found["reaches"]["fold"].nunique(),
-        "pictured": found["paths"]["reach"].nunique(),
+        "folds": results["reaches"]["fold"].nunique(),
+        "pictured": results["paths"]["reach"].nunique(),
         "first": FIRST,
         "fewest": FEWEST,
         "pairs": len(people),
@@ -83,65 +83,65 @@ def sections(files: TaskFiles) -> list[Section]:
         lead="scene_lead.html.jinja",
         facts=facts | find.numbers(),
         find=find,
-        tables=scene_tables(found),
-        pictures=scene_pictures(found),
+        tables=scene_tables(results),
+        pictures=scene_pictures(results),
     )
     return [section]
 
 
-def scene_findings(found: SceneWays) -> Findings:
+def scene_findings(results: SceneWays) -> Findings:
     """Findings, by the names that claims and sentences use."""
-    its, apart = found.of(OURS), found["people"]["path_mm"]
-    people = its["person"].nunique()
+    reaches, apart = results.of(OURS), results["people"]["path_mm"]
+    people = reaches["person"].nunique()
     find = Findings(f"reaches of {people} people left out in turn")
-    find.add("hits", found.share("hit"), headline=True)
-    find.add("hits_blocked", found.share("hit", blocked=True))
-    for model in found.models:
+    find.add("hits", results.share("hit"), headline=True)
+    find.add("hits_blocked", results.share("hit", blocked=True))
+    for model in results.models:
         if model != OURS:
-            find.add(f"{model}_hits", found.share("hit", model), headline=model == PUBLISHED)
+            find.add(f"{model}_hits", results.share("hit", model), headline=model == PUBLISHED)
     for name, *pair in (
         ("published_hits_fewer", NONE, PUBLISHED),
         ("published_hits_fewer_than_rai", "human_inspired", PUBLISHED),
         ("features_alone", "nearest", OURS),
     ):
-        find.rate_difference(name, *(found.counts("hit", model) for model in pair), unit="%")
-    find.exact("goal", its["left_mm"].max(), len(its), unit="mm")
-    find.exact("published_goal", found.of(PUBLISHED)["left_mm"].max(), len(its), unit="mm")
-    ours, planned = (found.by_person(model, "path_mm") for model in (OURS, PLANNED))
+        find.rate_difference(name, *(results.counts("hit", model) for model in pair), unit="%")
+    find.exact("goal", reaches["left_mm"].max(), len(reaches), unit="mm")
+    find.exact("published_goal", results.of(PUBLISHED)["left_mm"].max(), len(reaches), unit="mm")
+    ours, planned = (results.by_person(model, "path_mm") for model in (OURS, PLANNED))
     find.mean("path", ours, unit="mm", headline=True)
     find.mean("planned_path", planned, unit="mm")
     find.difference("nearer_than_planned", planned, ours, unit="mm")
-    find.add("same_gap", found.share("same_gaps"))
+    find.add("same_gap", results.share("same_gaps"))
     if len(apart):
         find.exact("people_apart", apart.mean(), len(apart), unit="mm")
     find.exact("people", people)
-    find.exact("reaches", len(its))
-    find.exact("blocked", its["blocked"].sum())
-    find.exact("left_out", len(found["left_out"]))
+    find.exact("reaches", len(reaches))
+    find.exact("blocked", reaches["blocked"].sum())
+    find.exact("left_out", len(results["left_out"]))
     return find
 
 
-def scene_tables(found: SceneWays) -> dict[str, Table]:
+def scene_tables(results: SceneWays) -> dict[str, Table]:
     """Tables by name."""
     rows = []
-    for model in found.models:
-        its, hit = found.of(model), found.share("hit", model)
-        path = mean(found.by_person(model, "path_mm").to_numpy())
+    for model in results.models:
+        reaches, hit = results.of(model), results.share("hit", model)
+        path = mean(results.by_person(model, "path_mm").to_numpy())
         rows.append(
             {
                 "model": LOOKS[model].name,
                 "touches (%)": f"{100 * hit.value:.1f} {interval(100 * hit.low, 100 * hit.high)}",
-                "of blocked (%)": 100 * found.of(model, blocked=True)["hit"].mean(),
-                "goal, largest (mm)": its["left_mm"].max(),
+                "of blocked (%)": 100 * results.of(model, blocked=True)["hit"].mean(),
+                "goal, largest (mm)": reaches["left_mm"].max(),
                 "path (mm)": f"{rounded(path.value, '.1f')} {interval(max(path.low, 0.0), path.high)}",
-                "same gaps (%)": 100 * its["same_gaps"].mean(),
-                "nearest (mm)": its["clearance_mm"].min(),
-                "wall (%)": 100 * its["hit_wall"].mean(),
+                "same gaps (%)": 100 * reaches["same_gaps"].mean(),
+                "nearest (mm)": reaches["clearance_mm"].min(),
+                "wall (%)": 100 * reaches["hit_wall"].mean(),
             }
         )
     formats = dict.fromkeys(("of blocked (%)", "same gaps (%)", "wall (%)"), ".1f")
     formats |= dict.fromkeys(("goal, largest (mm)", "nearest (mm)"), ".0f")
-    by_person = found.of(OURS).groupby("person", as_index=False)
+    by_person = results.of(OURS).groupby("person", as_index=False)
     people = by_person.agg(
         reaches=("hit", "size"),
         blocked=("blocked", "sum"),
@@ -150,46 +150,48 @@ def scene_tables(found: SceneWays) -> dict[str, Table]:
         goal_max_mm=("left_mm", "max"),
         other_gaps=("same_gaps", lambda same: int((~same).sum())),
     )
-    pooled = found["errors"].groupby(["model", "axis"], as_index=False)[["squared", "variance"]].sum()
+    pooled = results["errors"].groupby(["model", "axis"], as_index=False)[["squared", "variance"]].sum()
     nmse = pooled.assign(nmse=pooled["squared"] / pooled["variance"])
-    learned = [model for model in found.models if model in set(nmse["model"])]
+    learned = [model for model in results.models if model in set(nmse["model"])]
     errors = nmse.pivot_table("nmse", "model", "axis").loc[learned, AXES]
     errors = errors.rename(index={model: look.name for model, look in LOOKS.items()}).reset_index(
         names="model"
     )
     headings = {"path_mm": "path (mm)", "goal_max_mm": "goal, largest (mm)", "other_gaps": "other gaps"}
     return {
-        "obstacles_ways": Table(pd.DataFrame(rows), formats, strong=frozenset({found.models.index(OURS)})),
+        "obstacles_ways": Table(pd.DataFrame(rows), formats, strong=frozenset({results.models.index(OURS)})),
         "obstacles_errors": Table(errors, dict.fromkeys(AXES, ".2f")),
         "obstacles_by_person": Table(people, {"path_mm": ".1f", "goal_max_mm": ".0f"}, headings),
-        "obstacles_left_out": Table(found["left_out"]),
-        "obstacles_reaches": Table(found["reaches"]),
-        "obstacles_beside_each_other": Table(found["people"]),
+        "obstacles_left_out": Table(results["left_out"]),
+        "obstacles_reaches": Table(results["reaches"]),
+        "obstacles_beside_each_other": Table(results["people"]),
     }
 
 
-def scene_pictures(found: SceneWays) -> dict[str, list[Drawing]]:
+def scene_pictures(results: SceneWays) -> dict[str, list[Drawing]]:
     """Figures by name."""
-    paths: list[Drawing] = [paths_panel(found, reach) for reach in found["paths"]["reach"].unique()]
-    pictures: dict[str, list[Drawing]] = {"obstacles_rates": [rates_panel(found), path_distance_panel(found)]}
+    paths: list[Drawing] = [paths_panel(results, reach) for reach in results["paths"]["reach"].unique()]
+    pictures: dict[str, list[Drawing]] = {
+        "obstacles_rates": [rates_panel(results), path_distance_panel(results)]
+    }
     pictures |= {"obstacles_paths": paths[:FIRST], "obstacles_more_paths": paths[FIRST:]}
-    return {name: its for name, its in pictures.items() if its}
+    return {name: drawings for name, drawings in pictures.items() if drawings}
 
 
 @styled
-def paths_panel(found: SceneWays, reach: str) -> Figure:
+def paths_panel(results: SceneWays, reach: str) -> Figure:
     """One reach from above: obstacles, walls (pale), the recorded path and the models' paths."""
     title = f"From above: {reach.replace('_', ' ')}"
     figure, axes = panel(title, 4.6, xlabel="x (mm)", ylabel="y (mm)", aspect="equal")
-    for row in found["shapes"].query("reach == @reach").itertuples():
+    for row in results["shapes"].query("reach == @reach").itertuples():
         corner = (1e3 * (row.x_m - 0.5 * row.width_m), 1e3 * (row.y_m - 0.5 * row.depth_m))
         size, colour = (1e3 * row.width_m, 1e3 * row.depth_m), GREY if row.box else LIGHT_GREY
         axes.add_patch(Rectangle(corner, *size, color=colour, linewidth=0))
-    paths = found["paths"].query("reach == @reach")
+    paths = results["paths"].query("reach == @reach")
     for model, width in WIDTHS.items():
-        its, look = paths[paths["model"] == model], LOOKS[model]
+        path, look = paths[paths["model"] == model], LOOKS[model]
         style: dict[str, Any] = {"color": look.colour, "linewidth": width, "label": look.name}
-        axes.plot(1e3 * its["x_m"], 1e3 * its["y_m"], "--" if model == NONE else "-", **style)
+        axes.plot(1e3 * path["x_m"], 1e3 * path["y_m"], "--" if model == NONE else "-", **style)
     ends = paths[paths["model"] == RECORDED].iloc[[0, -1]]
     axes.plot(1e3 * ends["x_m"], 1e3 * ends["y_m"], "o", color="black", markersize=4)
     axes.margins(0.05)
@@ -197,41 +199,41 @@ def paths_panel(found: SceneWays, reach: str) -> Figure:
 
 
 @styled
-def rates_panel(found: SceneWays) -> Figure:
+def rates_panel(results: SceneWays) -> Figure:
     """Share of reaches that touch an obstacle, among all reaches and among blocked ones."""
     figure, axes = panel("Reaches that touch an obstacle", 3.6, xlabel="share (%)")
     groups = (-0.15, "all reaches", False, "full"), (0.15, "blocked ones", True, "none")
     for offset, label, blocked, fill in groups:
-        for place, model in enumerate(found.models):
-            rate = found.share("hit", model, blocked)
+        for place, model in enumerate(results.models):
+            rate = results.share("hit", model, blocked)
             bars = 100 * np.array([[rate.value - rate.low], [rate.high - rate.value]])
             style: dict[str, Any] = {"color": LOOKS[model].colour, "fillstyle": fill, "markersize": 5}
             axes.errorbar(100 * rate.value, place + offset, xerr=bars, fmt="o", **style)
         axes.plot([], [], "o", color=GREY, fillstyle=fill, label=label)
-    _name_ways(found, axes)
+    _name_ways(results, axes)
     axes.set_xlim(-2, 102)
     return legend(figure)
 
 
 @styled
-def path_distance_panel(found: SceneWays) -> Figure:
+def path_distance_panel(results: SceneWays) -> Figure:
     """Distance from recorded paths: a stroke per person, a dot for the mean; dashed: between two people."""
     figure, axes = panel("Distance from the recorded path", 3.6, xlabel="mean of a person (mm)")
-    for place, model in enumerate(found.models):
-        means, colour = found.by_person(model, "path_mm"), LOOKS[model].colour
+    for place, model in enumerate(results.models):
+        means, colour = results.by_person(model, "path_mm"), LOOKS[model].colour
         axes.plot(means, np.full(len(means), place), "|", color=colour, markersize=11)
         axes.plot(means.mean(), place, "o", color=colour, markersize=5)
-    if len(found["people"]):
-        apart = found["people"]["path_mm"].mean()
+    if len(results["people"]):
+        apart = results["people"]["path_mm"].mean()
         axes.axvline(apart, color=GREY, linestyle="--", linewidth=1.0, label="two people in one scene")
-    _name_ways(found, axes)
+    _name_ways(results, axes)
     axes.set_xlim(left=0.0)
-    return legend(figure) if len(found["people"]) else figure
+    return legend(figure) if len(results["people"]) else figure
 
 
-def _name_ways(found: SceneWays, axes: Any) -> None:
+def _name_ways(results: SceneWays, axes: Any) -> None:
     """Label the vertical axis with all models from top to bottom."""
-    labels = [LOOKS[model].name.replace(" (", "\n(").replace(", ", ",\n") for model in found.models]
+    labels = [LOOKS[model].name.replace(" (", "\n(").replace(", ", ",\n") for model in results.models]
     axes.set_yticks(range(len(labels)), labels)
     axes.grid(axis="y", visible=False)
     axes.invert_yaxis()

@@ -43,7 +43,7 @@ def recordings(files: TaskFiles) -> dict[str, Recording]:
 def reaches_past_obstacles(tables: Mapping[str, pd.DataFrame], title: str) -> Recording:
     """The reaches shown on the page, one tab per scene.
 
-    `tables`: `paths` and `shapes` of `avoidance.scene_folds.SceneResults`.
+    `tables`: `paths` and `shapes` of `learning.SceneResults`.
     """
     notes = views.notes(f"# {title}\n\n{NOTE}\n\n{views.legend(dict(LOOKS.values()))}")
     tabs = []

@@ -2,7 +2,7 @@
 
 from structlearn.core.artefacts import publish
 from structlearn.feedback.skill_file import read_skill
-from structlearn.tasks.movement.check_results import lines, write_check
+from structlearn.tasks.movement.check_results import check_lines, write_check
 from structlearn.tasks.movement.parameters import RobotParameters
 from structlearn.tasks.movement.skill_check import check_skill
 from structlearn.tasks.task_files import TaskFiles, leave_out, run_for_task
@@ -15,9 +15,9 @@ def main(files: TaskFiles) -> None:
             leave_out(folder, f"The task has no {missing}.")
     else:
         robot = files.entry(RobotParameters, "robot")
-        found = check_skill(read_skill(files.skill), robot)
-        write_check(found, files.folder / "check")
-        print(lines(found)[-1])
+        check = check_skill(read_skill(files.skill), robot)
+        write_check(check, files.folder / "check")
+        print(check_lines(check)[-1])
 
 
 if __name__ == "__main__":

@@ -40,7 +40,7 @@ def learn_over_phase(
     nominal, runs = files.primitives()[0].position, files.runs("corrected")
     ends = phase_corrections.completeness(runs, nominal, parameters.incomplete_m)
     complete = phase_corrections.complete(runs, ends)
-    corrected = phase_corrections.corrected_runs(complete, nominal, parameters.smoothing_hz)
+    corrected = phase_corrections.runs_with_coupling(complete, nominal, parameters.smoothing_hz)
     networks, tables = phase_corrections.learn_corrections(corrected, nominal.local, parameters)
     write_networks(networks, folder / "phase_networks.safetensors")
     write_tables(tables | {"completeness": ends}, folder)

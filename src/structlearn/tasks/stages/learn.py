@@ -1,7 +1,7 @@
 """Learn from a task's recordings, as its kind of data says."""
 
 from structlearn.core.artefacts import publish
-from structlearn.tasks.kinds import part
+from structlearn.tasks.kinds import module_of
 from structlearn.tasks.task_files import TaskFiles, leave_out, run_for_task
 
 
@@ -11,7 +11,7 @@ def main(files: TaskFiles) -> None:
         if files.absent:
             leave_out(folder, files.absent)
         else:
-            part(files.kind, "learning").learn(files, folder)
+            module_of(files.kind, "learning").learn(files, folder)
 
 
 if __name__ == "__main__":

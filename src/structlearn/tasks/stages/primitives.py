@@ -29,7 +29,7 @@ def main(files: TaskFiles) -> None:
     tables = {name: sequence.sequence_table(path, list(cuts)) for name, path in paths.items()}
     tables |= {"reproduction": errors}
     if own.turns:
-        tables["turns"] = learning.turns(runs, primitives[0], own.fit)
+        tables["turns"] = learning.turn_errors(runs, primitives[0], own.fit)
     if own.presegmented == PARTS:
         tables["execution"] = learning.execution_errors(runs, paths["nominal"])
     with publish(files.folder / "primitives") as folder:
@@ -43,8 +43,8 @@ def main(files: TaskFiles) -> None:
                 path = folder / f"traces/{name}.safetensors"
                 write_vector_primitive(primitive, path, "electrode counts without offset")
         write_tables(tables, folder)
-    found = (f"{key.removeprefix('primitives_')} {value:.3g}" for key, value in fit.items())
-    print("mean distance from demonstrations:", ", ".join(found))
+    words = (f"{key.removeprefix('primitives_')} {value:.3g}" for key, value in fit.items())
+    print("mean distance from demonstrations:", ", ".join(words))
 
 
 if __name__ == "__main__":

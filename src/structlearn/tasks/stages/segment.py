@@ -10,15 +10,15 @@ from structlearn.tasks.task_files import TaskFiles, run_for_task
 def main(files: TaskFiles) -> None:
     own, runs = files.entry(MovementEntry), files.runs("demonstrations")
     segmentation = segmented(runs, own.presegmented, own.segment)
-    found = cut_metrics(runs, segmentation)
+    metrics = cut_metrics(runs, segmentation)
     with publish(files.segments) as folder:
         write_segmentation(segmentation, folder)
-        write_metrics(found, folder / "metrics.json")
+        write_metrics(metrics, folder / "metrics.json")
         if own.rests is not None and own.segment is not None:
             errors = cut_errors_between_rests(runs, own.segment, own.rests)
             write_table(errors, folder / "cut_errors.parquet")
     words = {"demonstrations": "demonstrations cut", "left_out": "left out", "warnings": "cut warnings"}
-    print(*(f"{found[f'cuts_{key}']} {word}" for key, word in words.items()), sep=", ")
+    print(*(f"{metrics[f'cuts_{key}']} {word}" for key, word in words.items()), sep=", ")
 
 
 if __name__ == "__main__":

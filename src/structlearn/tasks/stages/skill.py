@@ -5,7 +5,7 @@ from structlearn.core.errors import InputError
 from structlearn.core.params import value_at
 from structlearn.feedback.coupling_targets import sensor_channels
 from structlearn.feedback.skill import ReactiveSkill, demonstrated_limits, demonstrated_workspace
-from structlearn.feedback.skill_file import provenance, write_skill
+from structlearn.feedback.skill_file import skill_provenance, write_skill
 from structlearn.tasks.movement.feedback_learning import read_feedback
 from structlearn.tasks.movement.parameters import MovementEntry
 from structlearn.tasks.task_files import SKILL, TaskFiles, leave_out, run_for_task
@@ -13,7 +13,7 @@ from structlearn.tasks.task_files import SKILL, TaskFiles, leave_out, run_for_ta
 
 def main(files: TaskFiles) -> None:
     own, learned = files.entry(MovementEntry), read_feedback(files.folder / "feedback")
-    paths = [one.position for one in files.runs("demonstrations")]
+    paths = [run.position for run in files.runs("demonstrations")]
     workspace = demonstrated_workspace(paths, own.skill.workspace_margin_m)
     try:
         skill = ReactiveSkill(files.primitives(), workspace=workspace)
@@ -35,7 +35,7 @@ def main(files: TaskFiles) -> None:
         folder.mkdir()
         values = value_at(files.parameters, "entry")
         bags = value_at(files.parameters, "files")
-        write_skill(skill, folder / SKILL, provenance([], values) | {"bags": bags})
+        write_skill(skill, folder / SKILL, skill_provenance([], values) | {"bags": bags})
 
 
 if __name__ == "__main__":

@@ -1,13 +1,13 @@
 """Recordings of a task for rerun."""
 
 from structlearn.core.artefacts import publish
-from structlearn.tasks.kinds import part
+from structlearn.tasks.kinds import module_of
 from structlearn.tasks.task_files import TaskFiles, leave_out, run_for_task
 from structlearn.viewer.recording import write
 
 
 def main(files: TaskFiles) -> None:
-    view = part(files.kind, "view")
+    view = module_of(files.kind, "view")
     recordings = {} if files.absent else view.recordings(files)
     with publish(files.report / "rerun") as folder:
         folder.mkdir()

@@ -28,7 +28,7 @@ class PublishedErrors(Parameters):
     shear_n: float = Field(gt=0)
 
 
-class ServoParameters(Parameters):
+class PressServoParameters(Parameters):
     """Closed loops on the table of another recording's presses."""
 
     walks: int = Field(ge=1)
@@ -80,7 +80,7 @@ class TouchParameters(SourceParameters):
     spaces: LatentSpaceParameters
     force: ForceParameters | None
     published: PublishedErrors | None
-    servo: ServoParameters | None
+    servo: PressServoParameters | None
     surfaces: SurfaceParameters | None
 
 

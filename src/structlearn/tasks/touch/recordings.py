@@ -5,13 +5,7 @@ from pathlib import Path
 from typing import Any
 
 from structlearn.readers import Recording, read_recordings, synchronise
-from structlearn.readers.user_tables import (
-    TouchLog,
-    read_touch_table,
-    touch_of,
-    touch_tables,
-    write_touch_logs,
-)
+from structlearn.readers.touch_log import TouchLog, read_touch_table, touch_of, touch_tables, write_touch_logs
 from structlearn.tasks.task_import import LeftOut, read_source, write_checked_streams
 from structlearn.tasks.touch.parameters import TouchParameters
 

@@ -13,7 +13,7 @@ import pandas as pd
 
 from structlearn.core.errors import InputError
 from structlearn.core.parallel import parallel_map
-from structlearn.readers.user_tables import TouchLog
+from structlearn.readers.touch_log import TouchLog
 from structlearn.tasks.touch.parameters import ForceParameters
 from structlearn.tasks.touch.skin_readings import gaussian_process, polynomial
 from structlearn.tasks.touch.touch_names import NEW_PRESSES, NEW_RUN, PRESSURE, PROCESS, QUADRATIC
@@ -78,9 +78,11 @@ def force_errors(
         else:
             print(f"skin: {log.name} left aside: {count} presses on the scale are too few to leave some out")
     judge = partial(_run_errors, runs=runs, parameters=parameters, known=known)
-    found = parallel_map(judge, runs, "forces", local=True)
-    parts = ([table for one in found for table in one[part]] for part in range(3))
-    errors, lags, traces = (pd.concat(its, ignore_index=True) if its else pd.DataFrame() for its in parts)
+    judged = parallel_map(judge, runs, "forces", local=True)
+    parts = ([table for tables in judged for table in tables[part]] for part in range(3))
+    errors, lags, traces = (
+        pd.concat(tables, ignore_index=True) if tables else pd.DataFrame() for tables in parts
+    )
     return errors, lags, traces
 
 
@@ -103,13 +105,13 @@ def _run_errors(
         table, _ = _press_errors(lagging.part(left_out), models)
         errors.append(table.assign(test_run=run.name, new=NEW_PRESSES))
     models = _models(own, parameters.penalties) | {PROCESS: _process(own, known)}
-    for other in (one for one in runs if one.name != run.name):
+    for other in (another for another in runs if another.name != run.name):
         tested = weighed_presses(other, lags, parameters.pressed_n)
-        table, found = _press_errors(tested, models)
+        table, forces = _press_errors(tested, models)
         errors.append(table.assign(test_run=other.name, new=NEW_RUN))
-        trace = pd.DataFrame({"time_s": tested.time, "force_n": tested.force, "read_n": found[QUADRATIC]})
+        trace = pd.DataFrame({"time_s": tested.time, "force_n": tested.force, "read_n": forces[QUADRATIC]})
         traces.append(trace.assign(learned_from=run.name, test_run=other.name))
-    return [its.assign(learned_from=run.name) for its in errors], [pd.DataFrame([row])], traces
+    return [table.assign(learned_from=run.name) for table in errors], [pd.DataFrame([row])], traces
 
 
 def _lags(run: Strokes, longest: float, left_out: tuple[float, float] | None = None) -> dict[str, float]:
@@ -198,8 +200,8 @@ def _quadratic(training: WeighedPresses, penalties: Sequence[float]) -> Estimate
 
     def missed(penalty: float) -> float:
         squares = 0.0
-        for one in np.unique(part):
-            known, tested = training.part(part != one), training.part(part == one)
+        for number in np.unique(part):
+            known, tested = training.part(part != number), training.part(part == number)
             read = regression(penalty).fit(known.channels, known.force).predict
             squares += np.square(read(tested.channels) - tested.force).sum()
         return squares
@@ -214,6 +216,6 @@ def _press_errors(
     tables, forces = [], {model: estimate(tested.channels) for model, estimate in models.items()}
     for model, force in forces.items():
         error = pd.Series(np.abs(force - tested.force)).groupby(tested.press)
-        columns = {"rms_n": error.apply(lambda its: np.sqrt(np.mean(its**2))), "worst_n": error.max()}
+        columns = {"rms_n": error.apply(lambda column: np.sqrt(np.mean(column**2))), "worst_n": error.max()}
         tables.append(pd.DataFrame(columns).rename_axis("press").reset_index().assign(model=model))
     return pd.concat(tables, ignore_index=True), forces

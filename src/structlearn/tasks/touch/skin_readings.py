@@ -10,7 +10,7 @@ import numpy as np
 import pandas as pd
 
 from structlearn.networks.torch_settings import as_tensor
-from structlearn.readers.user_tables import TouchLog
+from structlearn.readers.touch_log import TouchLog
 from structlearn.tactile.electrodes import align_map
 from structlearn.tactile.latent_models import TrainedTouch
 from structlearn.tactile.latent_training import Pairs
@@ -64,12 +64,12 @@ def place_errors(
         left_out, other, new = run.blocks()[1] == other, run, NEW_BLOCKS
         training, tested = np.flatnonzero(~left_out), np.flatnonzero(left_out)
     learned = learned or learn_skin(run, np.isin(np.arange(len(run.counts)), training), with_dynamics=False)
-    found = readings(learned, (run, training), other.skin(tested))
+    estimates = readings(learned, (run, training), other.skin(tested))
     names = {"learned_from": run.name, "test_run": other.name}
-    table = block_scores(found, learned.units, (other, tested))
+    table = block_scores(estimates, learned.units, (other, tested))
     lies = pd.DataFrame(other.place[tested], columns=["x_m", "y_m", "z_m"], dtype=float)
-    lies[["map_x_m", "map_y_m"]] = found[0].aligned
-    return table.assign(**names, new=new), lies.assign(pressure=found[0].pressure, **names)
+    lies[["map_x_m", "map_y_m"]] = estimates[0].aligned
+    return table.assign(**names, new=new), lies.assign(pressure=estimates[0].pressure, **names)
 
 
 def within_runs(logs: Sequence[TouchLog], share: float) -> pd.DataFrame:
@@ -94,8 +94,8 @@ def within_runs(logs: Sequence[TouchLog], share: float) -> pd.DataFrame:
         candidates = SEEN if log.force is None else SEEN | SEEN_OVER_TIME
         seen = {name: inputs(log)[kept] for name, inputs in candidates.items()}
         tried = {
-            name: np.mean(_end_errors(its[:end], wanted[:end], 1.0 - (1.0 - share) / share) ** 2)
-            for name, its in seen.items()
+            name: np.mean(_end_errors(part[:end], wanted[:end], 1.0 - (1.0 - share) / share) ** 2)
+            for name, part in seen.items()
         }
         best = min(tried, key=lambda name: tried[name])
         missed = _end_errors(seen[best], wanted, share)
@@ -168,21 +168,23 @@ def readings(learned: TrainedTouch, known: tuple[Touches, np.ndarray], tested: P
 
     seen, new = (units.signals(skin.signals) for skin in (training, tested))
     inputs = (as_tensor(signals).T.expand(len(spaces), -1, -1) for signals in (seen, new))
-    states = [spaces.autoencoders.encoder.forward(its).transpose(1, 2).double().numpy() for its in inputs]
+    states = [
+        spaces.autoencoders.encoder.forward(samples).transpose(1, 2).double().numpy() for samples in inputs
+    ]
     decoded = spaces.autoencoders.decoder.forward(as_tensor(states[1]).transpose(1, 2)).transpose(1, 2)
-    found = []
+    estimates = []
     for (structure, seed), *latent, signals in zip(spaces.keys(), *states, decoded.numpy(), strict=True):
-        one = map_of(*latent) if structure else space(PLAIN, *latent)
-        found.append(replace(one, seed=seed, decoded=signals))
+        estimate = map_of(*latent) if structure else space(PLAIN, *latent)
+        estimates.append(replace(estimate, seed=seed, decoded=signals))
     middle = seen.mean(axis=0)
     axes = np.linalg.svd(seen - middle, full_matrices=False)[2][:DIMENSIONS]
     components = [(signals - middle) @ axes.T for signals in (seen, new)]
-    found.append(replace(space(COMPONENTS, *components), decoded=components[1] @ axes + middle))
+    estimates.append(replace(space(COMPONENTS, *components), decoded=components[1] @ axes + middle))
     read = gaussian_process(seen, wanted, parameters.rival_samples)(new)
-    found.append(Reading(PROCESS, read[:, :PLANE], read[:, :PLANE], read[:, PLANE]))
+    estimates.append(Reading(PROCESS, read[:, :PLANE], read[:, :PLANE], read[:, PLANE]))
     if np.std(wanted[:, PLANE]) < NEVER_VARIES:  # a run of one depth holds no other
-        found = [replace(one, depth=np.nan) for one in found]
-    return found
+        estimates = [replace(estimate, depth=np.nan) for estimate in estimates]
+    return estimates
 
 
 def polynomial(known: np.ndarray, wanted: np.ndarray, degree: int) -> Estimate:
@@ -223,7 +225,7 @@ def gaussian_process(known: np.ndarray, wanted: np.ndarray, count: int) -> Estim
 
 
 def block_scores(
-    found: Sequence[Reading], units: TouchUnits, about: tuple[Touches, np.ndarray]
+    estimates: Sequence[Reading], units: TouchUnits, about: tuple[Touches, np.ndarray]
 ) -> pd.DataFrame:
     """Errors of readings of N touches (rows of a recording), by blocks of places.
 
@@ -241,22 +243,22 @@ def block_scores(
     pressure, signals = units.pressure(tested.pressure), units.signals(tested.signals)
     depths = np.var(depth) if np.std(depth) > NEVER_VARIES else np.nan
     tables = []
-    for one in found:
-        apart = np.linalg.norm(one.coordinates[pairs.first] - one.coordinates[pairs.second], axis=1)
+    for estimate in estimates:
+        apart = np.linalg.norm(estimate.coordinates[pairs.first] - estimate.coordinates[pairs.second], axis=1)
         missed = _by_first((apart - pairs.distance) ** 2, pairs.first, len(block))
-        decoded = (one.decoded - signals) ** 2 / np.var(signals, axis=0)
+        decoded = (estimate.decoded - signals) ** 2 / np.var(signals, axis=0)
         errors = {
             "map_nmse": missed / np.var(pairs.distance),
-            "pressure_nmse": (one.pressure - pressure) ** 2 / np.var(pressure),
+            "pressure_nmse": (estimate.pressure - pressure) ** 2 / np.var(pressure),
             "signal_nmse": decoded.mean(axis=1),
             "worst_nmse": decoded[:, np.argmax(decoded.mean(axis=0))],
-            "depth_nmse": (one.depth - depth) ** 2 / depths,
-            "laid_mm": 1e3 * np.linalg.norm(one.aligned - place, axis=1),
-            "latent_mm": 1e3 * np.linalg.norm(one.place - place, axis=1),
+            "depth_nmse": (estimate.depth - depth) ** 2 / depths,
+            "laid_mm": 1e3 * np.linalg.norm(estimate.aligned - place, axis=1),
+            "latent_mm": 1e3 * np.linalg.norm(estimate.place - place, axis=1),
         }
         by_block = pd.DataFrame(errors).groupby(block).agg(BY_BLOCK).rename_axis("block")
         by_block.insert(0, "presses", np.unique(block, return_counts=True)[1])
-        tables.append(by_block.reset_index().assign(model=one.model, seed=one.seed))
+        tables.append(by_block.reset_index().assign(model=estimate.model, seed=estimate.seed))
     return pd.concat(tables, ignore_index=True)
 
 

@@ -69,7 +69,7 @@ STROKES_S = 120.0  # duration of the forces drawn
 
 
 class SkinRuns:
-    """Tables of `skin_protocol.learn_touch`; runs are numbered in the order of their names.
+    """Tables of `learning.learn_touch`; runs are numbered in the order of their names.
 
     Samples are blocks of places, presses or trials, averaged over seeds. Touches of a block lie close
     together, so blocks are the closest to independent units that a run has.
@@ -101,26 +101,26 @@ class SkinRuns:
     def pairs(self, name: str) -> list[tuple[tuple[str, str], pd.DataFrame]]:
         """Rows of a table by numbers of the training and the test run."""
         groups = self.tables[name].groupby(KEYS)
-        return [((self.numbers[first], self.numbers[second]), its) for (first, second), its in groups]
+        return [((self.numbers[first], self.numbers[second]), rows) for (first, second), rows in groups]
 
     def values(self, table: str, value: str, sample: str, **chosen: str | tuple[str, ...]) -> pd.Series:
         """Means of the selected rows by training run, test run and sample; empty if the table is missing."""
         if table not in self.tables:
             return pd.Series(dtype=float)
-        its = self.tables[table]
+        rows = self.tables[table]
         for column, names in chosen.items():
-            its = its[its[column].isin(np.atleast_1d(names))]
-        return its.groupby([*KEYS, sample])[value].mean().dropna()
+            rows = rows[rows[column].isin(np.atleast_1d(names))]
+        return rows.groupby([*KEYS, sample])[value].mean().dropna()
 
     def errors(self, new: str, error: str, model: str = STRUCTURED) -> pd.Series:
         """Errors by block of places; of blocks held out, those of runs used for tuning are excluded.
 
         Depth varies in few runs, so its errors are of all runs.
         """
-        found = self.values("errors", error, "block", new=new, model=model)
-        if not len(found) or new != NEW_BLOCKS or error == "depth_nmse":
-            return found
-        return found[~found.index.get_level_values(0).isin(self.tuned_on)]
+        values = self.values("errors", error, "block", new=new, model=model)
+        if not len(values) or new != NEW_BLOCKS or error == "depth_nmse":
+            return values
+        return values[~values.index.get_level_values(0).isin(self.tuned_on)]
 
     def force(self, new: str, model: str = QUADRATIC) -> pd.Series:
         """Rms force error (N) by press."""
@@ -130,10 +130,10 @@ class SkinRuns:
         """Means of a column of `servo` over controllers, by trial."""
         return self.values("servo", value, "trial", model=model, controller=controllers)
 
-    def by_pair(self, found: pd.Series) -> dict[str, pd.Series] | None:
+    def by_pair(self, values: pd.Series) -> dict[str, pd.Series] | None:
         """Samples by training and test run; None if there are none."""
-        groups = found.groupby(level=[0, 1]) if len(found) else ()
-        return {f"{self.numbers[a]} {ARROW} {self.numbers[b]}": its for (a, b), its in groups} or None
+        groups = values.groupby(level=[0, 1]) if len(values) else ()
+        return {f"{self.numbers[a]} {ARROW} {self.numbers[b]}": rows for (a, b), rows in groups} or None
 
 
 def of_mean(samples: pd.Series) -> Evidence:
@@ -141,7 +141,7 @@ def of_mean(samples: pd.Series) -> Evidence:
     return mean(samples.to_numpy(float)) if len(samples) else unknown(MISSING)
 
 
-def section(files: TaskFiles) -> Section:
+def skin_section(files: TaskFiles) -> Section:
     """Section of a task whose touches are of a skin at known places."""
     parameters = files.entry(TouchParameters)
     runs = SkinRuns(files.tables("touch"), parameters.tuned_on)
@@ -185,8 +185,10 @@ def find_skin(runs: SkinRuns) -> Findings:
     find.mean("servo", runs.by_pair(rows["servo_success"]), missing=MISSING)
     find.geometric_mean("servo_length_ratio", runs.trials("length_ratio", STRUCTURED), missing=MISSING)
     if "published" in runs.tables:
-        for quantity, its in runs.tables["published"].groupby("quantity", sort=False):
-            cases = {runs.numbers.get(row.run, row.run): (row.rms, row.readings) for row in its.itertuples()}
+        for quantity, figures in runs.tables["published"].groupby("quantity", sort=False):
+            cases = {
+                runs.numbers.get(row.run, row.run): (row.rms, row.readings) for row in figures.itertuples()
+            }
             find.among("readings at the end of a run").exact(f"within_run_{quantity}", cases)
     return find
 
@@ -215,9 +217,9 @@ def skin_tables(runs: SkinRuns, published: PublishedErrors | None) -> dict[str, 
     if "published" in runs.tables and published is not None:
         across = {"place_mm": runs.errors(NEW_RUN, "latent_mm"), "force_n": runs.force(NEW_RUN)}
         rows = []
-        for quantity, its in runs.tables["published"].groupby("quantity", sort=False):
+        for quantity, figures in runs.tables["published"].groupby("quantity", sort=False):
             row = {"what is read": QUANTITIES[quantity], "published": getattr(published, quantity)}
-            each = (f"{rms:.2f} ({seen})" for rms, seen in zip(its["rms"], its["seen"], strict=True))
+            each = (f"{rms:.2f} ({seen})" for rms, seen in zip(figures["rms"], figures["seen"], strict=True))
             row["by their protocol"] = ", ".join(each)
             other = across.get(quantity, ())
             rows.append(
@@ -292,12 +294,12 @@ def map_error_panels(runs: SkinRuns) -> list[Figure]:
         figure, axes = panel(title, ylabel=label, yscale="log" if error == "map_nmse" else "linear")
         for place, (model, look) in enumerate(SPACES.items()):
             for group, new in enumerate(cases.values()):
-                found = of_mean(runs.errors(new, error, model))
-                if np.isfinite(found.value):
-                    ends = np.nan_to_num([[found.value - found.low], [found.high - found.value]])
+                evidence = of_mean(runs.errors(new, error, model))
+                if np.isfinite(evidence.value):
+                    ends = np.nan_to_num([[evidence.value - evidence.low], [evidence.high - evidence.value]])
                     name, at = None if group else look.name, group * apart + place
-                    axes.bar(at, found.value, 0.8, color=look.colour, label=name)
-                    axes.errorbar(at, found.value, ends, color=BLACK, capsize=2.0)
+                    axes.bar(at, evidence.value, 0.8, color=look.colour, label=name)
+                    axes.errorbar(at, evidence.value, ends, color=BLACK, capsize=2.0)
         axes.set_xticks([1.5 + group * apart for group in range(len(cases))], list(cases))
         axes.grid(visible=False, axis="x")
         if error == "latent_mm" and "maps" in runs.tables:
@@ -310,11 +312,11 @@ def map_error_panels(runs: SkinRuns) -> list[Figure]:
 def servo_panels(runs: SkinRuns) -> list[Figure]:
     """Paths of the probe from press to press, a panel per training run."""
     figures = []
-    for (first, second), its in runs.pairs("paths"):
+    for (first, second), reached in runs.pairs("paths"):
         title = f"Servoing, {first} {ARROW} {second}"
         figure, axes = panel(title, 4.4, xlabel="x (mm)", ylabel="y (mm)", aspect="equal")
-        middle = 0.5e3 * (its[["x_m", "y_m"]].min() + its[["x_m", "y_m"]].max()).to_numpy()
-        for _, steps in its[its["trial"] < PATHS].groupby("trial"):
+        middle = 0.5e3 * (reached[["x_m", "y_m"]].min() + reached[["x_m", "y_m"]].max()).to_numpy()
+        for _, steps in reached[reached["trial"] < PATHS].groupby("trial"):
             path = 1e3 * steps.sort_values("step")[["x_m", "y_m"]].to_numpy() - middle
             target = 1e3 * steps[["target_x_m", "target_y_m"]].to_numpy()[0] - middle
             axes.plot(*np.array([path[0], target]).T, color=LIGHT_GREY, linewidth=0.9)
@@ -329,10 +331,12 @@ def servo_panels(runs: SkinRuns) -> list[Figure]:
 def force_panel(runs: SkinRuns) -> list[Figure]:
     """Force of the scale, and estimated from the skin by a model of another run."""
     figures = []
-    for (first, second), its in runs.pairs("traces"):
-        its = its[its["time_s"] - its["time_s"].iloc[0] < STROKES_S].iloc[::2]
+    for (first, second), trace in runs.pairs("traces"):
+        trace = trace[trace["time_s"] - trace["time_s"].iloc[0] < STROKES_S].iloc[::2]
         figure, axes = panel(f"{first.capitalize()} {ARROW} {second}", xlabel="time (s)", ylabel="force (N)")
-        axes.plot(its["time_s"], its["force_n"], color=GREY, linewidth=2.4, label="scale")
-        axes.plot(its["time_s"], its["read_n"], color=BLUE, linewidth=1.1, label="estimated from the skin")
+        axes.plot(trace["time_s"], trace["force_n"], color=GREY, linewidth=2.4, label="scale")
+        axes.plot(
+            trace["time_s"], trace["read_n"], color=BLUE, linewidth=1.1, label="estimated from the skin"
+        )
         figures.append(legend(figure))
     return figures

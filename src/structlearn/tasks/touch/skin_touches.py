@@ -11,11 +11,19 @@ import numpy as np
 import pandas as pd
 
 from structlearn.core.errors import InputError, MissingInputError
-from structlearn.readers.user_tables import TouchLog
+from structlearn.readers.touch_log import TouchLog
 from structlearn.tactile.geodesics import Geodesics, geodesics
 from structlearn.tactile.latent_models import TrainedTouch
 from structlearn.tactile.latent_training import Pairs, draw_pairs, latent_data, learn_from
-from structlearn.tactile.pressed_skin import PLANE, PressedSkin, drifted, held_out, plate_pairs, seen, walks
+from structlearn.tactile.pressed_skin import (
+    PLANE,
+    PressedSkin,
+    drifted,
+    held_out,
+    plate_pairs,
+    skin_signals,
+    walks,
+)
 from structlearn.tactile.touch_dataset import TEST, TRAIN, Chains, touch_units
 from structlearn.tasks.touch.parameters import TouchParameters
 
@@ -43,9 +51,9 @@ class Touches:
         if self.along is None:
             return plate_pairs(self.skin(rows), TEST, count, rng)
         split = np.where(np.isin(np.arange(len(self.counts)), rows), TEST, TRAIN)
-        found = draw_pairs(split, self.along, TEST, count, rng)
-        first, second = (np.searchsorted(rows, its) for its in (found.first, found.second))
-        return Pairs(first, second, found.distance)
+        pairs = draw_pairs(split, self.along, TEST, count, rng)
+        first, second = (np.searchsorted(rows, numbers) for numbers in (pairs.first, pairs.second))
+        return Pairs(first, second, pairs.distance)
 
     def blocks(self) -> tuple[np.ndarray, np.ndarray]:
         """(N,) block of places of each touch, and (N,) the fold that holds it out."""
@@ -55,21 +63,21 @@ class Touches:
 def _skin(
     counts: np.ndarray, place: np.ndarray, split: np.ndarray, parameters: TouchParameters
 ) -> PressedSkin:
-    signals, pressure = seen(counts, parameters.change, parameters.by_norm)
+    signals, pressure = skin_signals(counts, parameters.change, parameters.by_norm)
     return PressedSkin(signals, pressure, split, place)
 
 
 def gathered(logs: Sequence[TouchLog], parameters: TouchParameters) -> tuple[list[Touches], pd.DataFrame]:
     """Touches of each recording, or of all together; and the number of `samples` and `touching` of each."""
     channels = logs[0].channels
-    air, found, rows = parameters.air_samples, [], []
+    air, touches, rows = parameters.air_samples, [], []
     for log in logs:
         if log.channels != channels:
             raise InputError(
                 f"{log.name}: its channels ({', '.join(log.channels)}) are not those of {logs[0].name}"
             )
         zeroed = log.counts[air:] - log.counts[:air].mean(axis=0) if air else log.counts
-        touching = seen(zeroed, parameters.change, by_norm=False)[1] >= parameters.touched  # counts
+        touching = skin_signals(zeroed, parameters.change, by_norm=False)[1] >= parameters.touched  # counts
         rows.append((log.name, len(log.counts), int(touching.sum())))
         kept = slice(None) if touching.all() else touching
         counts = zeroed[kept]
@@ -79,16 +87,16 @@ def gathered(logs: Sequence[TouchLog], parameters: TouchParameters) -> tuple[lis
             raise InputError(f"{log.name}: has no columns x_m and y_m; places: channels needs none")
         else:
             place = log.place[air:][kept]
-        found.append(Touches(log.name, counts, place, parameters))
+        touches.append(Touches(log.name, counts, place, parameters))
     if not parameters.apart:
         every, places = (
-            np.concatenate([getattr(one, name) for one in found]) for name in ("counts", "place")
+            np.concatenate([getattr(part, name) for part in touches]) for name in ("counts", "place")
         )
-        found = [Touches(TOGETHER, every, places, parameters)]
-    if sum(len(one.counts) for one in found) < 2:
+        touches = [Touches(TOGETHER, every, places, parameters)]
+    if sum(len(part.counts) for part in touches) < 2:
         raise InputError(f"{parameters.source}: nothing touches: no pressure reaches {parameters.touched:g}")
     table = pd.DataFrame(rows, columns=["recording", "samples", "touching"])
-    return [_thinned(one, parameters) for one in found], table
+    return [_thinned(part, parameters) for part in touches], table
 
 
 def _thinned(touches: Touches, parameters: TouchParameters) -> Touches:
@@ -118,7 +126,7 @@ def _centroids(log: TouchLog, counts: np.ndarray, parameters: TouchParameters) -
 def folds_of(runs: Sequence[Touches]) -> list[tuple[None, Touches, int]]:
     """Work for `place_errors`: recordings and their folds; MissingInputError if nothing can be held out."""
     folds = [(run, np.unique(run.blocks()[1])) for run in runs]
-    work = [(None, run, int(one)) for run, its in folds for one in its if len(its) > 1]
+    work = [(None, run, int(fold)) for run, numbers in folds for fold in numbers if len(numbers) > 1]
     if not work:
         parameters = runs[0].parameters
         raise MissingInputError(
@@ -144,9 +152,9 @@ def learn_skin(run: Touches, training: np.ndarray, with_dynamics: bool) -> Train
     if run.along is None:
         pairs = plate_pairs(skin, TRAIN, spaces.pair_pool, rng)
     else:  # copies touch at the same places
-        found = draw_pairs(skin.split, run.along, TRAIN, spaces.pair_pool, rng)
+        drawn = draw_pairs(skin.split, run.along, TRAIN, spaces.pair_pool, rng)
         copy = len(run.counts) * rng.integers(0, copies, (2, spaces.pair_pool))
-        pairs = Pairs(found.first + copy[0], found.second + copy[1], found.distance)
+        pairs = Pairs(drawn.first + copy[0], drawn.second + copy[1], drawn.distance)
     length = float(np.sqrt(np.mean(pairs.distance**2)))
     count, reach = (WALKS, parameters.block_mm) if servo is None else (servo.walks, servo.reach_mm)
     chains = walks(skin, count, 1e-3 * reach, rng)

@@ -24,7 +24,7 @@ def learn_surfaces(
 ) -> tuple[VectorPrimitive, dict[str, pd.DataFrame]]:
     """Learn expected traces and score every trial: the traces, and tables by name, see the functions."""
     trials = slides_on_clock(recordings, parameters)
-    left_one_out, channels = leave_one_out(trials, parameters)
+    left_one_out, channels = left_out_deviations(trials, parameters)
     expected, deviations, statistics = deviations_from_expected(trials, parameters)
     return expected, {
         "clock_errors": clock_errors(recordings),
@@ -38,7 +38,7 @@ def learn_surfaces(
 
 def slides_on_clock(recordings: Sequence[Recording], parameters: SurfaceParameters) -> list[Demonstration]:
     """Trials at the electrodes' rate."""
-    return [synchronise(one, parameters.rate_hz, parameters.max_gap_s) for one in recordings]
+    return [synchronise(recording, parameters.rate_hz, parameters.max_gap_s) for recording in recordings]
 
 
 def clock_errors(recordings: Sequence[Recording]) -> pd.DataFrame:
@@ -65,19 +65,22 @@ def deviations_from_expected(
     in counts; `mean` and `std` of the deviation over the trials of a group, by `group`, `electrode` and
     `time_s`. Raises MissingInputError if there is no trial to learn from.
     """
-    groups = trial_groups([one.name for one in trials], parameters)
-    traces = {one.name: without_offset(one.signal("tactile")) for one in trials}
+    groups = trial_groups([trial.name for trial in trials], parameters)
+    traces = {trial.name: without_offset(trial.signal("tactile")) for trial in trials}
     learned = [traces[name] for name, group in groups.items() if group == "learned"]
     if not learned:
         raise MissingInputError("there is no slide to learn from")
     dt = trials[0].dt
     primitive = fit_expected_traces(learned, dt, parameters.smoothing_hz)
-    left = {one.name: deviation(primitive, traces[one.name], one.dt) for one in trials}
-    rows = [(name, groups[name], np.sqrt(np.mean(its**2)), np.abs(its).max()) for name, its in left.items()]
-    samples = min(len(its) for its in left.values())
+    left = {trial.name: deviation(primitive, traces[trial.name], trial.dt) for trial in trials}
+    rows = [
+        (name, groups[name], np.sqrt(np.mean(values**2)), np.abs(values).max())
+        for name, values in left.items()
+    ]
+    samples = min(len(values) for values in left.values())
     statistics = []
     for group in dict.fromkeys(groups.values()):
-        values = np.array([its[:samples] for name, its in left.items() if groups[name] == group])
+        values = np.array([trace[:samples] for name, trace in left.items() if groups[name] == group])
         electrode, sample = np.indices(values.shape[:0:-1]).reshape(2, -1)
         columns = {"group": group, "electrode": electrode + 1, "time_s": dt * sample}
         columns |= {"mean": values.mean(axis=0).T.ravel(), "std": values.std(axis=0).T.ravel()}
@@ -86,7 +89,7 @@ def deviations_from_expected(
     return primitive, deviations, pd.concat(statistics, ignore_index=True)
 
 
-def leave_one_out(
+def left_out_deviations(
     trials: Sequence[Demonstration], parameters: SurfaceParameters
 ) -> tuple[pd.DataFrame, pd.DataFrame]:
     """Deviation of every trial from the traces expected from the other trials over the same material.
@@ -104,7 +107,7 @@ def leave_one_out(
             name: (electrodes >= first) & (electrodes <= last) for name, (first, last) in PLACES.items()
         }
         for name, trace in traces.items():
-            others = [its for other, its in traces.items() if other != name]
+            others = [trace for other, trace in traces.items() if other != name]
             if not others:
                 continue
             left = deviation(fit_expected_traces(others, dt, parameters.smoothing_hz), trace, dt)
@@ -115,8 +118,8 @@ def leave_one_out(
                 if mask.any()
             ]
     columns = ["demonstration", "material", "rms", "nmse"]
-    found = pd.DataFrame(whole, columns=columns)
-    return found, pd.DataFrame(parts, columns=[*columns[:2], "channels", "electrodes", *columns[2:]])
+    table = pd.DataFrame(whole, columns=columns)
+    return table, pd.DataFrame(parts, columns=[*columns[:2], "channels", "electrodes", *columns[2:]])
 
 
 def across_materials(trials: Sequence[Demonstration], parameters: SurfaceParameters) -> pd.DataFrame:
@@ -127,7 +130,7 @@ def across_materials(trials: Sequence[Demonstration], parameters: SurfaceParamet
     by_material, dt, rows = _by_material(trials, parameters), trials[0].dt, []
     for expected, learned in by_material.items():
         primitive = fit_expected_traces(list(learned.values()), dt, parameters.smoothing_hz)
-        for material in (one for one in by_material if one != expected):
+        for material in (other for other in by_material if other != expected):
             for name, trace in by_material[material].items():
                 rows.append((expected, name, material, *_errors(deviation(primitive, trace, dt), trace)))
     return pd.DataFrame(rows, columns=["expected", "demonstration", "material", "rms", "nmse"])
@@ -153,8 +156,10 @@ def _by_material(
     trials: Sequence[Demonstration], parameters: SurfaceParameters
 ) -> dict[str, dict[str, np.ndarray]]:
     """Traces (T, E) by material and trial, without the trials in `left_out`."""
-    found: dict[str, dict[str, np.ndarray]] = {}
-    for one in trials:
-        if one.name not in parameters.left_out:
-            found.setdefault(material_of(one.name), {})[one.name] = without_offset(one.signal("tactile"))
-    return found
+    traces: dict[str, dict[str, np.ndarray]] = {}
+    for trial in trials:
+        if trial.name not in parameters.left_out:
+            traces.setdefault(material_of(trial.name), {})[trial.name] = without_offset(
+                trial.signal("tactile")
+            )
+    return traces

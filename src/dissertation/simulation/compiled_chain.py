@@ -20,7 +20,7 @@ from structlearn.rigid_body.compiled_dynamics import joint_placement
 from structlearn.rigid_body.tree import RobotArrays
 
 
-class Workspace(NamedTuple):
+class ChainState(NamedTuple):
     """Quantities at one state, expressed in the base frame about its origin."""
 
     frame: np.ndarray  # (n, 3, 3) rotation of each link's joint frame
@@ -39,16 +39,16 @@ class Workspace(NamedTuple):
     offset: np.ndarray  # (3,) scratch
 
 
-def workspace(count: int) -> Workspace:
+def workspace(count: int) -> ChainState:
     """Preallocated workspace for a robot with `count` joints."""
     shapes = [(count, 3, 3), (count, 3), (count, 6), (count, count), (count,)]
     shapes += [(count, 6), (count, 6), (count, 10), (count, 6), (3, 3), (3,)]
-    return Workspace(*(np.zeros(shape) for shape in shapes))
+    return ChainState(*(np.zeros(shape) for shape in shapes))
 
 
 @numba.njit(cache=True, error_model="numpy")
 def step(
-    robot: RobotArrays, q: np.ndarray, v: np.ndarray, torques: np.ndarray, dt: float, work: Workspace
+    robot: RobotArrays, q: np.ndarray, v: np.ndarray, torques: np.ndarray, dt: float, work: ChainState
 ) -> None:
     """Advance q and v (n,) by a semi-implicit Euler step of dt s, as PyBullet does.
 
@@ -63,7 +63,7 @@ def step(
 
 
 @numba.njit(cache=True, error_model="numpy")
-def accelerations(work: Workspace, torques: np.ndarray) -> None:
+def accelerations(work: ChainState, torques: np.ndarray) -> None:
     """Overwrite joint torques (n,) with accelerations, at the state of the last `dynamics`."""
     for j in range(len(torques)):
         torques[j] -= work.bias[j]
@@ -72,7 +72,7 @@ def accelerations(work: Workspace, torques: np.ndarray) -> None:
 
 
 @numba.njit(cache=True, error_model="numpy")
-def dynamics(robot: RobotArrays, q: np.ndarray, v: np.ndarray, work: Workspace) -> None:
+def dynamics(robot: RobotArrays, q: np.ndarray, v: np.ndarray, work: ChainState) -> None:
     """Fill the workspace at positions and velocities (n,) of the joints."""
     count = len(q)
     kinematics(robot, q, work)
@@ -99,7 +99,7 @@ def dynamics(robot: RobotArrays, q: np.ndarray, v: np.ndarray, work: Workspace) 
 
 
 @numba.njit(cache=True, error_model="numpy")
-def kinematics(robot: RobotArrays, q: np.ndarray, work: Workspace) -> None:
+def kinematics(robot: RobotArrays, q: np.ndarray, work: ChainState) -> None:
     """Fill frames, origins and screws at positions (n,) of the joints."""
     for j in range(len(q)):
         parent, frame, place = robot.parents[j], work.frame[j], work.place[j]
@@ -169,7 +169,7 @@ def _power(screw: np.ndarray, wrench: np.ndarray | tuple) -> float:
 
 
 @compiled_inside
-def _move(parent: int, gravity: np.ndarray, speed: float, j: int, work: Workspace) -> None:
+def _move(parent: int, gravity: np.ndarray, speed: float, j: int, work: ChainState) -> None:
     """Write a link's twist and its acceleration at qdd = 0, from those of its parent."""
     twist, bias_acceleration, screw = work.twist[j], work.bias_acceleration[j], work.screw[j]
     for k in range(3):
@@ -189,7 +189,7 @@ def _move(parent: int, gravity: np.ndarray, speed: float, j: int, work: Workspac
 
 
 @compiled_inside
-def _carry(mass: float, centre: np.ndarray, inertia: np.ndarray, j: int, work: Workspace) -> None:
+def _carry(mass: float, centre: np.ndarray, inertia: np.ndarray, j: int, work: ChainState) -> None:
     """Write a link's own inertia, and the wrench for the acceleration that `_move` wrote."""
     frame, place, turn, own = work.frame[j], work.place[j], work.turn, work.composite[j]
     c = (
