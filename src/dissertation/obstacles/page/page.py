@@ -1,7 +1,6 @@
 """The page of the obstacle testbed: its tables, and names for its template and claims."""
 
 from collections.abc import Mapping, Sequence
-from dataclasses import replace
 from itertools import product
 from pathlib import Path
 from typing import Any
@@ -11,107 +10,109 @@ import pandas as pd
 
 from dissertation.evidence.claims import judge, read_claims
 from dissertation.evidence.judged_page import JudgedDocument
-from dissertation.evidence.studies import extended, rests_on
+from dissertation.evidence.results import Population, Results
+from dissertation.evidence.studies import Study, rests_on
 from dissertation.obstacles import files
 from dissertation.obstacles.names import DEMONSTRATIONS, KINDS, RULES, SITUATIONS, SOURCES, model_name
 from dissertation.obstacles.page.findings import (
     AS_PUBLISHED,
+    BARE,
     EVERY,
     FEW_HITS,
     OURS,
-    PEOPLE_STUDY,
-    ObstacleResults,
-    example_setting,
+    counts,
+    of_settings,
     read_published,
 )
+from dissertation.obstacles.page.shown import Shown
 from dissertation.obstacles.protocol.avoidance_protocols import (
     LIMITED,
-    MOVING,
     NO_MODEL,
     PAIR,
     PUBLISHED,
     TRAINED,
     UNSEEN,
 )
+from dissertation.obstacles.protocol.results import DEMONSTRATED
 from dissertation.obstacles.world.reaching_person import DETOURS_M
 from dissertation.obstacles.world.scenarios import END_CLEARANCE_M
 from structlearn.avoidance.learned_models import ALL, ENSEMBLE, HUMAN_INSPIRED, NETWORK, SETTING
 from structlearn.avoidance.shapes import SHAPES
+from structlearn.core.metrics import matching
+from structlearn.core.params import read_values
 from structlearn.reporting.document import Source, Table
+from structlearn.reporting.evidence import geometric_mean
 from structlearn.reporting.findings import Findings
 
 PACKAGE = "dissertation.obstacles.page"
 FOLDER = Path(__file__).parent
+PEOPLE_STUDY = "obstacles/people"  # further people, pooled in the verdicts
 
 WRITTEN_BY = {
     "recorded": Source(files.RUNS, "obstacles_demonstrate"),
     "people": Source(files.PEOPLE_FILE, "obstacles_dataset"),
-    "errors": Source(files.ERRORS_FILE, "obstacles_train"),
     "scores": Source(files.SCORES_FILE, "obstacles_evaluate"),
     "paths": Source(files.PATHS_FILE, "obstacles_evaluate"),
+    "results": Source("data/results/obstacles.parquet", "obstacles_results"),
 }
 
 
-def document(results: ObstacleResults, find: Findings) -> JudgedDocument:
+def document(population: Population, shown: Shown, find: Findings, study: Study | None) -> JudgedDocument:
     """Page with its tables and verdicts; figures come from `figures.figures`."""
     published = read_published()
-    shown = tables(results, published)
-    limited = shown["limits"].frame
-    named = facts(results, published) | find.numbers()
-    named |= {
-        "worst_goal": limited.loc[limited["goal_published"].idxmax()],
-        "late_network": limited.loc[limited["model"].str.startswith(NETWORK), "late_goal_published"].max(),
-    }
+    made = tables(population, shown, published)
+    named = facts(population, shown, published) | find.numbers()
     return JudgedDocument(
         template="obstacles.html.jinja",
         package=PACKAGE,
         stage="obstacles_report",
         facts=named,
-        tables=shown,
+        tables=made,
         judged=judge(read_claims(FOLDER / "claims.yaml"), find, named),
         sources=WRITTEN_BY,
-        parameters=results.parameters,
+        parameters=shown.parameters,
         recordings="../rerun/obstacles",
-        simulated=any(one.simulated for its in results.demonstrations.values() for one in its),
-        basis=rests_on(PEOPLE_STUDY, results.study),
+        simulated=any(one.simulated for its in shown.demonstrations.values() for one in its),
+        basis=rests_on(PEOPLE_STUDY, study),
     )
 
 
-def facts(results: ObstacleResults, published: Mapping[str, Any]) -> dict[str, Any]:
+def facts(population: Population, shown: Shown, published: Mapping[str, Any]) -> dict[str, Any]:
     """Names for the page's sentences besides the findings: parameters, counts and words."""
-    spheres = results.situations[UNSEEN].obstacles[0]
-    length = float(np.linalg.norm(results.baseline.goal - results.baseline.start))
+    spheres = shown.situations[UNSEEN].obstacles[0]
+    length = float(np.linalg.norm(shown.baseline.goal - shown.baseline.start))
+    tests = shown.population.test
     return {
         "published": published,
+        "not_tested": read_values(FOLDER / "not_tested.yaml"),
+        "moved": population.moved,
+        "people_of_this_run": len(tests),
         "shapes": SHAPES,
         "few_hits": FEW_HITS,
-        "shown": results.population.shown,
-        "tuning": results.population.tuning,
-        "setting": example_setting(results.scores, results.population.shown),
+        "shown": shown.population.shown,
+        "tuning": shown.population.tuning,
+        "setting": shown.setting,
+        "scenarios": len(shown.scenarios),
+        "demonstrations": int(shown.demonstrated["person"].isin(tests).sum()),
         "length": length,
         "longest_detour_m": DETOURS_M[-1],
         "end_clearance_m": END_CLEARANCE_M,
-        **{key.removeprefix("obstacle_"): chosen for key, chosen in results.parameters.items()},
-        "reaches": lambda protocol: results.reached(protocol)["reaches"].sum(),
-        "unseen_spheres": len(results.situations[UNSEEN].numbers),
+        **{key.removeprefix("obstacle_"): chosen for key, chosen in shown.parameters.items()},
+        "unseen_spheres": len(shown.situations[UNSEEN].numbers),
         "outside": int(((spheres.centre[:, 0] < 0.0) | (spheres.centre[:, 0] > length)).sum()),
         "radius_mm": 1e3 * float(spheres.radius[0]),
-        "most_hits": lambda protocol: max(
-            results.hits(protocol, kind, source) for kind in (NETWORK, ENSEMBLE) for source in EVERY
-        ),
-        "rai_hits": lambda protocol: max(results.hits(protocol, HUMAN_INSPIRED, shape) for shape in SHAPES),
     }
 
 
 PRINTED, HERE = "dissertation", "here"
 
-FITS = {"nmse": "all three axes", "nmse_across": "y and z", "nmse_dominant": "dominant axis"}
-"""Columns of `ObstacleResults.fits`, and the axes they average."""
+FITS = {"all": "all three axes", "across": "y and z", "dominant": "dominant axis"}
+"""Axes of errors of models trained on one scenario."""
 
 THREE_DIGITS = (
     *("nmse_train", "nmse_test", "nmse_x", "nmse_y", "nmse_z", "goal_max", "goal_mean", "late_goal_max"),
     *("obstacle_min", "obstacle_mean", "goal_published", "goal_limited", "late_goal_published"),
-    *("late_goal_limited", "train_mean", "test_mean", "closest", "excursion"),
+    *("late_goal_limited", "train_median", "test_median", "excursion"),
 )
 FORMATS = {
     **dict.fromkeys(THREE_DIGITS, ".3f"),
@@ -122,15 +123,15 @@ HEADINGS = {
     **{"source": "", "nmse_train": "NMSE train", "nmse_test": "test", "goal_mean": "mean"},
     **{"goal_max": "goal max", "late_goal_max": "late max", "obstacle_min": "obstacle min"},
     **{"obstacle_mean": "mean", "nmse_x": "x", "nmse_y": "y", "nmse_z": "z", "over": "NMSE over"},
-    **{"train_mean": "learned from, mean", "test_mean": "held out, mean"},
+    **{"train_median": "learned from, median", "test_median": "held out, median"},
     **{"train_low": "learned from, low", "test_low": "held out, low", "excursion": "between"},
     **{"hits_published": "hits, published", "hits_limited": "limits", "goal_published": "goal, published"},
     **{"goal_limited": "limits", "late_goal_published": "late, published", "late_goal_limited": "limits"},
-    **{"moving_0.1": "0.1 m/s", "moving_0.2": "0.2 m/s", "pair": "two", "goal_change": "moving goal"},
+    **{"pair": "two", "goal_change": "moving goal"},
     **{"detour_unseen": "detour, unseen", "detour_moving": "moving", "detour_pair": "two"},
     **{"none": KINDS[NO_MODEL].name},
-    **{f"{source}_published": f"{SOURCES[source].name}, published" for source in (*SHAPES, ALL)},
-    **{f"{source}_ours": "ours" for source in (*SHAPES, ALL)},
+    **{f"{source}_published": f"{SOURCES[source].name}, published" for source in EVERY},
+    **{f"{source}_ours": "ours" for source in EVERY},
 }
 COMPARED = (
     *("obstacle", "model", "source", "nmse_train", "nmse_test", "goal_max", "goal_mean"),
@@ -141,155 +142,159 @@ COMPARED = (
 Row = dict[str, Any]
 
 
-def tables(results: ObstacleResults, published: Mapping[str, Any]) -> dict[str, Table]:
-    """All tables, keyed by name; the study gathers `by_person` and `errors` of each cell."""
-    own, errors = replace(results, study=None), extended(results.errors, results.study, "errors", "person")
+def tables(population: Population, shown: Shown, published: Mapping[str, Any]) -> dict[str, Table]:
+    """All tables, keyed by name."""
+    every = population.results
+    one = population.one.table
+    own = Results(one[one["person"].isin(shown.population.test)], "person")
     frames = {
-        "people": people(results),
+        "people": people(every),
         "per_setting": per_setting(own, published["per_setting"]),
         "per_shape": per_shape(own, published["per_shape"]),
         "unseen": unseen(own, published["unseen"]),
-        "fit": fit(results, published["largest_nmse"]),
-        "limits": limits(results),
+        "fit": fit(every, published["largest_nmse"]),
+        "limits": limits(every),
         "all_shapes": all_shapes(own),
-        "hits": hits(own),
-        "by_person": results.by_person,
-        "errors": errors[errors["person"].isin(results.people)],
+        "hits": hits(every),
     }
     return {name: Table(frame, FORMATS, HEADINGS, _strong(frame)) for name, frame in frames.items()}
 
 
-def people(results: ObstacleResults) -> pd.DataFrame:
+def people(results: Results) -> pd.DataFrame:
     """Unseen spheres hit by person: without avoidance, with published networks, and with ensembles."""
-    columns = {"person": results.people, "none": results.hits_by_person(UNSEEN, (NO_MODEL, LIMITED), "")[0]}
-    for source in (*SHAPES, ALL):
-        columns[f"{source}_published"] = results.hits_by_person(UNSEEN, AS_PUBLISHED, source)[0]
-        columns[f"{source}_ours"] = results.hits_by_person(UNSEEN, OURS, source)[0]
-    return pd.DataFrame(columns)
+    columns = {"none": counts(results, UNSEEN, BARE, "")[0]}
+    for source in EVERY:
+        columns[f"{source}_published"] = counts(results, UNSEEN, AS_PUBLISHED, source)[0]
+        columns[f"{source}_ours"] = counts(results, UNSEEN, OURS, source)[0]
+    return pd.DataFrame(columns).astype("Int64").rename_axis("person").reset_index()
 
 
-def per_setting(results: ObstacleResults, printed: Mapping[str, Row]) -> pd.DataFrame:
+def per_setting(results: Results, printed: Mapping[str, Row]) -> pd.DataFrame:
     """Table IV.1: models trained on one scenario."""
     rows: list[Row] = []
     for kind, source in ((NO_MODEL, ""), (HUMAN_INSPIRED, SETTING), (NETWORK, SETTING)):
-        rows += _compared(results, {"model": KINDS[kind].name}, printed[kind], TRAINED, kind, source)
-    name, its = DEMONSTRATIONS.name, results.demonstrated
-    rows.append({"model": name, "source": PRINTED} | printed["demonstrations"])
-    rows.append({"model": name, "source": HERE, "of": len(its)} | summary(its))
+        its = {"protocol": TRAINED, "model": kind, "learned_from": source}
+        rows += _compared(results, {"model": KINDS[kind].name}, printed[kind] | {"of": 120}, **its)
+    name = DEMONSTRATIONS.name
+    rows.append({"model": name, "source": PRINTED} | printed[DEMONSTRATED])
+    rows.append({"model": name, "source": HERE} | summary(results, model=DEMONSTRATED, learned_from=""))
     return _in_order(rows)
 
 
-def per_shape(results: ObstacleResults, printed: Mapping[str, Mapping[str, Row]]) -> pd.DataFrame:
+def per_shape(results: Results, printed: Mapping[str, Mapping[str, Row]]) -> pd.DataFrame:
     """Table IV.2: models trained on the settings of each shape; `nmse_train` and `nmse_test` over y and z."""
     rows: list[Row] = []
     for shape, kind in product(SHAPES, (NO_MODEL, NETWORK, ENSEMBLE)):
         labels: Row = {"obstacle": shape, "model": KINDS[kind].name}
         for part in ("train", "test") if kind != NO_MODEL else ():
-            labels[f"nmse_{part}"] = results.fit(kind, shape, shape, part)["nmse_across"].mean()
-        source = shape if kind != NO_MODEL else ""
-        rows += _compared(results, labels, printed[shape].get(kind), TRAINED, kind, source, shape)
+            labels[f"nmse_{part}"] = nmse(results, kind, shape, shape, "across", part)
+        row = printed[shape].get(kind)
+        its = {"protocol": TRAINED, "model": kind, "learned_from": "" if kind == NO_MODEL else shape}
+        rows += _compared(results, labels, row and row | {"of": 40}, obstacle=shape, **its)
     return _in_order(rows)
 
 
-def unseen(results: ObstacleResults, printed: Mapping[str, Row]) -> pd.DataFrame:
+def unseen(results: Results, printed: Mapping[str, Row]) -> pd.DataFrame:
     """Table IV.3: models past unseen spheres, by training source."""
     rows: list[Row] = []
     models = [(NO_MODEL, ""), *((kind, shape) for shape in SHAPES for kind in (NETWORK, ENSEMBLE))]
     for kind, source in models:
-        row = None if kind == ENSEMBLE else printed[source or NO_MODEL]
-        rows += _compared(results, {"model": model_name(kind, source)}, row, UNSEEN, kind, source)
+        row = None if kind == ENSEMBLE else printed[source or NO_MODEL] | {"of": 63}
+        its = {"protocol": UNSEEN, "model": kind, "learned_from": source}
+        rows += _compared(results, {"model": model_name(kind, source)}, row, **its)
     return _in_order(rows)
 
 
-def fit(results: ObstacleResults, low: float) -> pd.DataFrame:
+def fit(results: Results, low: float) -> pd.DataFrame:
     """Figure IV.10 as numbers: NMSE of models trained on one scenario, and how many have at most `low`."""
     rows = []
-    for column, over in FITS.items():
-        parts = {part: results.setting_fits(column, part) for part in ("train", "test")}
+    for axis, over in FITS.items():
+        parts = {part: of_settings(results, axis, part) for part in ("train", "test")}
         for kind in (NETWORK, HUMAN_INSPIRED) if len(parts["test"]) else ():
             row: Row = {"over": over, "model": KINDS[kind].name, "scenarios": len(parts["test"])}
-            row |= {f"{part}_mean": its[kind].mean() for part, its in parts.items()}
+            row |= {f"{part}_median": its[kind].median() for part, its in parts.items()}
             rows.append(row | {f"{part}_low": int((its[kind] <= low).sum()) for part, its in parts.items()})
     return pd.DataFrame(rows)
 
 
-def limits(results: ObstacleResults) -> pd.DataFrame:
+def limits(results: Results) -> pd.DataFrame:
     """Published rules against limits at the goal: hits, largest goal distances (m), restrained samples."""
-    families = {"per setting": (SETTING,), "per shape": SHAPES, "all shapes": (ALL,)}
+    families = {"per setting": [SETTING], "per shape": list(SHAPES), "all shapes": [ALL]}
     rows = []
     for protocol, kind, words in product((TRAINED, UNSEEN), KINDS, families):
-        found = {
-            rules: results.reached(protocol, kind, families[words], rules) for rules in (PUBLISHED, LIMITED)
-        }
+        its = {"protocol": protocol, "model": kind, "learned_from": families[words]}
+        found = {rules: summary(results, rules=rules, **its) for rules in (PUBLISHED, LIMITED)}
         limited = found[LIMITED]
-        count = int(limited["reaches"].sum())
-        if count == 0:
+        if not limited:
             continue
-        row: Row = {"obstacles": protocol, "model": f"{KINDS[kind].name}, {words}", "unrolls": count}
-        row |= {f"hits_{name}": int(its["hits"].sum()) for name, its in found.items()}
+        row: Row = {"obstacles": protocol, "model": f"{KINDS[kind].name}, {words}", "unrolls": limited["of"]}
+        row |= {f"hits_{name}": one["hits"] for name, one in found.items()}
         for column in ("goal", "late_goal"):
-            row |= {f"{column}_{name}": its[f"{column}_distance_m"].max() for name, its in found.items()}
-        row["excursion"] = limited["excursion_m"].max()
-        rows.append(row | {"restrained": np.average(limited["restrained"], weights=limited["reaches"])})
+            row |= {f"{column}_{name}": one[f"{column}_max"] for name, one in found.items()}
+        rows.append(row | {name: limited[name] for name in ("excursion", "restrained")})
     return pd.DataFrame(rows)
 
 
-def all_shapes(results: ObstacleResults) -> pd.DataFrame:
+def all_shapes(results: Results) -> pd.DataFrame:
     """Models of all shapes and models of one shape, on the settings of each obstacle."""
     rows = []
     for shape, kind, every in product(SHAPES, KINDS, (False, True)):
         source = ALL if every else shape
-        scored = results.rows(TRAINED, kind, source, obstacle=shape)
-        if len(scored):
+        its = {"protocol": TRAINED, "model": kind, "learned_from": source, "obstacle": shape}
+        if scored := summary(results, rules=LIMITED, **its):
             row = {"obstacle": shape, "model": model_name(kind, source)}
-            row |= results.fit(kind, source, shape)[["nmse_x", "nmse_y", "nmse_z"]].mean().to_dict()
-            rows.append(row | summary(scored))
+            row |= {f"nmse_{axis}": nmse(results, kind, source, shape, axis) for axis in "xyz"}
+            rows.append(row | scored)
     columns = ["obstacle", "model", "nmse_x", "nmse_y", "nmse_z", "hits", "obstacle_min", "goal_max"]
     return pd.DataFrame(rows)[columns]
 
 
-def hits(results: ObstacleResults) -> pd.DataFrame:
+def hits(results: Results) -> pd.DataFrame:
     """Hits with limits at the goal by model and situation on the grid of spheres; mean detours in m."""
     rows = []
-    for kind, source in results.contenders:
-        row: Row = {"model": model_name(kind, source)}
-        beyond = [protocol for protocol in SITUATIONS if protocol != TRAINED]
-        every = {protocol: results.rows(protocol, kind, source) for protocol in beyond}
-        for protocol, its in every.items():
-            for speed, count in its.groupby("speed_m_s")["hit"].sum().items():
-                row[f"{protocol}_{speed:g}" if protocol == MOVING else protocol] = int(count)
-        row["closest"] = min(its["obstacle_distance"].min() for its in every.values())
-        row |= {f"detour_{name}": every[name]["detour_m"].mean() for name in (UNSEEN, MOVING, PAIR)}
-        rows.append(row)
-    return pd.DataFrame(rows)
+    beyond = [protocol for protocol in SITUATIONS if protocol != TRAINED]
+    for kind, source in product(KINDS, ("", *EVERY)):
+        its = {"model": kind, "learned_from": source, "rules": LIMITED}
+        if every := {one: found for one in beyond if (found := summary(results, protocol=one, **its))}:
+            row: Row = {"model": model_name(kind, source)} | {one: its["hits"] for one, its in every.items()}
+            rows.append(row | {f"detour_{one}": its["detour"] for one, its in every.items()})
+    return pd.DataFrame(rows).drop(columns="detour_goal_change")
 
 
-def summary(rows: pd.DataFrame) -> Row:
-    """Extremes and means over scenarios of `avoidance_scores.scores` or `demonstration_scores`."""
-    goal, obstacle = rows["goal_distance_m"], rows["obstacle_distance"]
-    row: Row = {"goal_max": goal.max(), "goal_mean": goal.mean(), "hits": int(rows["hit"].sum())}
-    row |= {"obstacle_min": obstacle.min(), "obstacle_mean": obstacle.mean()}
-    late = rows.get("late_goal_distance_m")  # demonstrations have none
-    return row if late is None else row | {"late_goal_max": late.max()}
+def nmse(results: Results, kind: str, source: str, shape: str, axis: str, part: str = "test") -> float:
+    """Geometric mean over people of the NMSE of a model, on the settings of a shape."""
+    keys = {"model": kind, "learned_from": source, "obstacle": shape, "axis": axis, "part": part}
+    return geometric_mean(results.each("nmse", **keys).to_numpy()).value
 
 
-def _compared(
-    results: ObstacleResults,
-    labels: Row,
-    printed: Row | None,
-    protocol: str,
-    kind: str,
-    source: str,
-    obstacle: str | None = None,
-) -> list[Row]:
+def summary(results: Results, **keys: object) -> Row:
+    """Sums, extremes and means over all reaches with these keys; empty if there are none."""
+    by = ["person", "protocol", "rules", "learned_from", "obstacle"]
+    names = {"goal_max": "largest_goal_distance", "late_goal_max": "largest_late_goal_distance"}
+    names |= {"obstacle_min": "closest", "goal_mean": "mean_goal_distance", "obstacle_mean": "mean_distance"}
+    names |= {"excursion": "largest_excursion", "detour": "mean_detour", "restrained": "restrained"}
+    of = results.rows("reaches", **keys).set_index(by)["value"]
+    if of.empty:
+        return {}
+    row: Row = {"hits": int(results.rows("hits", **keys)["value"].sum()), "of": int(of.sum())}
+    for name, quantity in names.items():
+        values = results.rows(quantity, **keys).set_index(by)["value"]
+        if name.endswith("_max") or name == "excursion":
+            row[name] = values.max()
+        elif name.endswith("_min"):
+            row[name] = values.min()
+        elif len(values):
+            row[name] = np.average(values, weights=of.loc[values.index])
+    return row
+
+
+def _compared(results: Results, labels: Row, printed: Row | None, **keys: object) -> list[Row]:
     """Rows of a model as printed, if it is, and here with both rules (one row if there is no model)."""
-    rules = {LIMITED: HERE} if kind == NO_MODEL else {its: f"{HERE}, {words}" for its, words in RULES.items()}
-    places = [one for one in results.scenarios if obstacle in (None, one.shape)]
-    count = len(results.situations[UNSEEN].numbers) if protocol == UNSEEN else len(places)
-    rows = [labels | {"source": PRINTED, "of": count} | printed] if printed else []
+    rules = {its: f"{HERE}, {words}" for its, words in RULES.items()}
+    rules = {LIMITED: HERE} if keys["model"] == NO_MODEL else rules
+    rows = [labels | {"source": PRINTED} | printed] if printed else []
     for its, words in rules.items():
-        scored = results.rows(protocol, kind, source, its, obstacle)
-        rows.append(labels | {"source": words} | summary(scored) | {"of": len(scored)})
+        rows.append(labels | {"source": words} | summary(results, rules=its, **keys))
     return rows
 
 
