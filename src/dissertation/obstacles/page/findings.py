@@ -94,7 +94,7 @@ def by_person(results: Results, quantity: str, form: Form, how: str = "sum", **k
 
 def counts(results: Results, protocol: str, form: Form, sources: Sources) -> tuple[pd.Series, pd.Series]:
     """Hits (P,) and reaches (P,) by person."""
-    keys: dict[str, object] = {"protocol": protocol}
+    keys: dict[str, Any] = {"protocol": protocol}
     keys["learned_from"] = sources if isinstance(sources, str) else list(sources)
     return by_person(results, "hits", form, **keys), by_person(results, "reaches", form, **keys)
 
@@ -188,11 +188,11 @@ def like_people(results: Results, quantity: str, how: str = "mean") -> pd.DataFr
     ).dropna()
 
 
-@finding(geometric_mean, unit="times people's")
+@finding(mean, unit="radii")
 def distances_like_people(results: Results) -> Any:
-    """Mean closest distance to obstacles with networks per setting over people's."""
+    """Mean closest distance to obstacles with networks per setting minus people's."""
     its = like_people(results, "mean_distance")
-    return its["model"] / its["people"]
+    return its["model"] - its["people"]
 
 
 @finding(mean, unit="mm")
@@ -337,8 +337,8 @@ def single_hits_unseen(results: Results) -> Any:
 
 @finding(rate_difference, unit="%")
 def unseen_against_none(results: Results) -> Any:
-    """Rate of unseen spheres hit by networks per shape minus that without avoidance."""
-    return rate(results, UNSEEN, AS_PUBLISHED, SHAPES).align(rate(results, UNSEEN), join="inner")
+    """Rate of unseen spheres hit without avoidance minus that with networks per shape."""
+    return rate(results, UNSEEN).align(rate(results, UNSEEN, AS_PUBLISHED, SHAPES), join="inner")
 
 
 @finding(share)
@@ -366,7 +366,12 @@ def single_hits_unseen_worst_person(results: Results) -> Any:
     return {source: counts(results, UNSEEN, AS_PUBLISHED, source)[0] for source in EVERY}
 
 
-@finding(exact_count)
+def fraction(count: int, n: int, comparisons: int = 1) -> Evidence:
+    """Share of these people, which is exact."""
+    return Evidence(count / n, count / n, count / n, n, count)
+
+
+@finding(fraction)
 def people_within(results: Results) -> Any:
     """People whose ensemble hits few unseen spheres."""
     hits = {source: counts(results, UNSEEN, OURS, source)[0] for source in EVERY}
@@ -390,7 +395,7 @@ def hits_without(results: Results) -> Any:
     return {one: counts(results, one, BARE, "")[0].sum() for one in SITUATIONS}
 
 
-def most_hits_of(results: Results, *kinds: str) -> dict[str, float]:
+def most_hits_of(results: Results, *kinds: str) -> dict[str, Any]:
     """Largest number of hits of a model of these kinds, over all people, by situation."""
     every = {one: results.rows("hits", protocol=one, rules=LIMITED, model=kinds) for one in CHANGED}
     return {

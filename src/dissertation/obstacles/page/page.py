@@ -28,7 +28,6 @@ from dissertation.obstacles.page.shown import Shown
 from dissertation.obstacles.protocol.avoidance_protocols import (
     LIMITED,
     NO_MODEL,
-    PAIR,
     PUBLISHED,
     TRAINED,
     UNSEEN,
@@ -38,7 +37,6 @@ from dissertation.obstacles.world.reaching_person import DETOURS_M
 from dissertation.obstacles.world.scenarios import END_CLEARANCE_M
 from structlearn.avoidance.learned_models import ALL, ENSEMBLE, HUMAN_INSPIRED, NETWORK, SETTING
 from structlearn.avoidance.shapes import SHAPES
-from structlearn.core.metrics import matching
 from structlearn.core.params import read_values
 from structlearn.reporting.document import Source, Table
 from structlearn.reporting.evidence import geometric_mean
@@ -242,7 +240,7 @@ def all_shapes(results: Results) -> pd.DataFrame:
         source = ALL if every else shape
         its = {"protocol": TRAINED, "model": kind, "learned_from": source, "obstacle": shape}
         if scored := summary(results, rules=LIMITED, **its):
-            row = {"obstacle": shape, "model": model_name(kind, source)}
+            row: Row = {"obstacle": shape, "model": model_name(kind, source)}
             row |= {f"nmse_{axis}": nmse(results, kind, source, shape, axis) for axis in "xyz"}
             rows.append(row | scored)
     columns = ["obstacle", "model", "nmse_x", "nmse_y", "nmse_z", "hits", "obstacle_min", "goal_max"]

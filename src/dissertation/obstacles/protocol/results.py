@@ -3,8 +3,8 @@
 Reaches are summed up by person, situation, rules, model and shape of the obstacle. Those of people are the
 model `DEMONSTRATED`: of all scenarios and, learned from `SETTING`, of those for which the person has models
 per setting. `nmse` is of a model's coupling terms: along an axis, `all` three, `across` the reach (mean of y
-and z), and along the `dominant` axis of scenarios that have one. The study in git is older than this table: it
-has sums over all shapes (`obstacle` is empty), and neither distances to obstacles nor people's.
+and z), and along the `dominant` axis of scenarios that have one. The study in git is older than this table:
+its sums are over all shapes (`obstacle` is empty), without distances to obstacles and those of people.
 """
 
 from collections.abc import Iterator, Sequence
