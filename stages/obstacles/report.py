@@ -49,7 +49,7 @@ def main() -> None:
     )
     study = stored_study(RESULTS / PEOPLE_STUDY)
     population = with_study(read_results("obstacles"), study, "person", people.test, variant=OURS)
-    find = findings(population, people.shown)
+    find = findings(population)
     page = document(population, shown, find, study)
     drawings = figures(population.results, shown, read_published()["largest_nmse"])
     publish_judged(files.REPORT, {"index": page}, drawings, page.tables, find, recorded=quoted_claims())

@@ -251,10 +251,8 @@ class Register:
 def evidence_of(finding: Finding, results: Results) -> Found:
     """Evidence of one finding in some results; who lacks one value of a pair does not count."""
     samples = finding.samples(results)
-    if isinstance(samples, dict):
-        samples = {case: _present(one) for case, one in samples.items()}
-    given = samples if isinstance(samples, tuple) else (_present(samples),)
-    return Findings().by(finding.statistic, finding.name, *given)
+    by_case = {case: _present(one) for case, one in samples.items()} if isinstance(samples, dict) else None
+    return Findings().by(finding.statistic, finding.name, _present(samples) if by_case is None else by_case)
 
 
 def _present(samples: Any) -> Any:

@@ -17,24 +17,24 @@ from dissertation.obstacles.names import (
     FREE,
     HIT,
     KINDS,
-    SITUATIONS,
     SOURCES,
     model_name,
 )
 from dissertation.obstacles.page.findings import AS_PUBLISHED, BARE, FEW_HITS, OURS, counts, of_settings
-from dissertation.obstacles.page.page import FITS
 from dissertation.obstacles.page.shown import Shown
-from dissertation.obstacles.protocol.avoidance_protocols import MOVING, NO_MODEL, TRAINED, UNSEEN
+from dissertation.obstacles.protocol.avoidance_protocols import NO_MODEL, TRAINED, UNSEEN
 from dissertation.obstacles.protocol.unrolled_reaches import Reach, SituationKey
 from dissertation.obstacles.world.scenarios import UNSEEN_RADIUS_M
 from dissertation.simulation.still import Solid, View, still
 from structlearn.avoidance.avoidance_dataset import baseline_axes, to_local
 from structlearn.avoidance.learned_models import ALL, ENSEMBLE, HUMAN_INSPIRED, NETWORK, SETTING
 from structlearn.avoidance.shapes import HALF_SIZE_M, SHAPES, Obstacle, obstacle
-from structlearn.core.metrics import matching
-from structlearn.palette import BLACK, BLUE, LIGHT_BLUE, LIGHT_GREY, ORANGE
+from structlearn.palette import BLACK, BLUE, LIGHT_BLUE, LIGHT_GREY
 from structlearn.reporting.figure_style import PANEL_WIDTH, Drawing, Raster, canvas, styled
 from structlearn.reporting.prose import capitalised, rounded
+
+FITS = {"all": "all three axes", "across": "y and z", "dominant": "dominant axis"}
+"""Axes of errors of models trained on one scenario."""
 
 VIEWS = {"from the side": 2, "from above": 1}  # local axis shown over x, by name of the view
 
@@ -43,9 +43,6 @@ PARTS = {"train": ("learned from", LIGHT_BLUE), "test": ("held out", BLUE)}
 
 BINS = np.linspace(0.0, 1.2, 13)  # of NMSE; larger values count in the last bin
 
-GRID = [protocol for protocol in SITUATIONS if protocol != TRAINED]
-FARTHEST = 4.0  # radii; larger distances are drawn there
-MOMENTS = 5  # times at which a moving obstacle is drawn
 
 BALL = UNSEEN_RADIUS_M / HALF_SIZE_M["sphere"][0] * obstacle("sphere", np.zeros(3)).cloud(100)
 """Cloud (P, 3) m of an unseen sphere, relative to its centre."""
@@ -90,19 +87,13 @@ def figures(results: Results, shown: Shown, largest_nmse: float) -> dict[str, Dr
         *((kind, "per setting", [SETTING]) for kind in (HUMAN_INSPIRED, NETWORK)),
         (ENSEMBLE, "per shape", SHAPES),
     ]
-    rows_beyond = [[_beyond_panel(shown, protocol) for protocol in pair] for pair in (GRID[:2], GRID[2:])]
-    example = _to_scale([_example_panel(shown, shape) for shape in SHAPES])
-    closest = closest_panel(shown)
-    closest.set_figheight(example[0].get_figheight())
     return {
         "still": simulated_scene(shown),
-        "example": [*example, closest],
+        "example": _to_scale([_example_panel(shown, shape) for shape in SHAPES]),
         "fit": [fit_panel(results, kind, axis, largest_nmse) for axis in FITS for kind in kinds],
         "people": [Raster(people_panel(shown, *contender)) for contender in contenders],
         "hits": hits_panel(results, len(shown.situations[UNSEEN].numbers)),
         "unseen": _to_scale([_unseen_panel(shown, source) for source in (*SHAPES, ALL)]),
-        "beyond": [panel for row in rows_beyond for panel in _to_scale(row)],
-        "distances": [Raster(distances_panel(shown, protocol)) for protocol in GRID],
     }
 
 
@@ -146,22 +137,6 @@ def _solid(obstacle: Obstacle, shift: np.ndarray) -> Solid:
     return Solid(kind, size, obstacle.centre + shift, turn, OBSTACLE_RGBA)
 
 
-def worst(shown: Shown, protocol: str) -> tuple[int, float]:
-    """Number and speed of the fastest situation in which the reach without avoidance comes closest.
-
-    Considers situations whose obstacles all lie between start and goal.
-    """
-    situation = shown.situations[protocol]
-    length = np.linalg.norm(shown.baseline.goal - shown.baseline.start)
-    along = np.stack([obstacle.centre[:, 0] for obstacle in situation.obstacles])
-    between = ((along > 0.0) & (along < length)).all(axis=0)
-    chosen = between & (situation.speed == situation.speed[between].max(initial=0.0))
-    bare = shown.rows(protocol, person=shown.population.shown)
-    bare = bare[chosen if between.any() else np.ones_like(between)]
-    row = bare.loc[bare["obstacle_distance"].idxmin()]
-    return int(row["scenario"]), float(row["speed_m_s"])
-
-
 def _example_panel(shown: Shown, shape: str) -> Figure:
     """Paths past one obstacle: demonstrations, no avoidance, models trained on all settings of the shape."""
     (solid,) = (one.obstacle for one in shown.scenarios if (one.shape, one.setting) == (shape, shown.setting))
@@ -192,34 +167,6 @@ def _unseen_panel(shown: Shown, source: str) -> Figure:
     return two_views(capitalised(model_name(ENSEMBLE, source)), outlines, curves)
 
 
-def _beyond_panel(shown: Shown, protocol: str) -> Figure:
-    """Ensemble of all shapes and no avoidance, in the situation where the latter comes closest."""
-    number, speed = worst(shown, protocol)
-    situation, duration = shown.situations[protocol], shown.baseline.duration
-    place = int(np.flatnonzero((situation.numbers == number) & (situation.speed == speed))[0])
-    key = SituationKey(protocol, situation.obstacle, number, speed)
-    avoiding = shown.reach(key, ENSEMBLE, ALL)
-    curves = _curves(shown, shown.reach(key), BLACK, KINDS[NO_MODEL].name)
-    curves += _curves(shown, avoiding, SOURCES[ALL].colour, model_name(ENSEMBLE, ALL))
-    times = np.linspace(0.0, duration, MOMENTS) if protocol == MOVING else [duration]
-    outlines = []
-    for count, time in enumerate(times, start=1):
-        for spheres in situation.obstacles:
-            centre = spheres.centre[place] + spheres.displacement(float(time))[place]
-            outlines.append(Outline(centre + BALL, HIT.colour, count / len(times)))
-        if protocol == MOVING:
-            hand = to_local(avoiding.position[[np.abs(avoiding.time - time).argmin()]], shown.baseline)
-            style = {"marker": "o", "markersize": 4, "alpha": count / len(times)}
-            curves.append(Curve(hand, SOURCES[ALL].colour, style))
-    if situation.goal_change is not None:
-        goals = np.stack([shown.baseline.goal, np.reshape(situation.goal_change.goals, (-1, 3))[0]])
-        for goal, colour in zip(to_local(goals, shown.baseline), (LIGHT_GREY, BLACK), strict=True):
-            style = {"marker": "x", "markersize": 7, "markeredgewidth": 2, "zorder": 4}
-            curves.append(Curve(goal[None], colour, style))
-    words = SITUATIONS[protocol].capitalize()
-    return two_views(f"{words}, {speed:g} m/s" if speed else words, outlines, curves)
-
-
 def _panel(height: float) -> tuple[Figure, Axes]:
     figure = canvas(height, PANEL_WIDTH)
     return figure, figure.subplots()
@@ -246,35 +193,6 @@ def two_views(title: str, outlines: Iterable[Outline], curves: Sequence[Curve]) 
     panels[-1].set_xlabel("local x (mm)")
     handles, labels = panels[0].get_legend_handles_labels()
     figure.legend(handles, labels, loc="outside lower left", ncols=4, columnspacing=1.2)
-    return figure
-
-
-@styled
-def closest_panel(shown: Shown) -> Figure:
-    """Closest distance to the obstacle of one setting by shape, for demonstrations and models."""
-    who, setting = shown.population.shown, shown.setting
-    people = matching(shown.demonstrated, scenario=setting, person=who)
-    rows = [(DEMONSTRATIONS.name, DEMONSTRATIONS.colour, "o", people)]
-    for kind, sources, words, marker in (
-        (NO_MODEL, [""], "", "o"),
-        (HUMAN_INSPIRED, [SETTING], ", per setting", "o"),
-        (HUMAN_INSPIRED, SHAPES, ", per shape", "D"),
-        (NETWORK, [SETTING], ", per setting", "o"),
-        (NETWORK, SHAPES, ", per shape", "D"),
-        (ENSEMBLE, SHAPES, ", per shape", "D"),
-    ):
-        its = matching(shown.rows(TRAINED, kind, sources, who), scenario=setting)
-        if len(its):  # not all settings have models of their own
-            rows.append((f"{KINDS[kind].name}{words}", KINDS[kind].colour, marker, its))
-    figure, panel = _panel(3.3)
-    for words, colour, marker, its in rows:
-        distance = its.groupby("obstacle")["obstacle_distance"].mean()[list(SHAPES)]
-        fill = "none" if marker == "D" else colour
-        panel.plot(distance, range(len(SHAPES)), marker, color=colour, markerfacecolor=fill, label=words)
-    panel.axvline(0.0, color=HIT.colour, **DASHED)
-    panel.set(title="Closest distance", xlabel="radii; 0 and below is a hit", ylim=(len(SHAPES) - 0.6, -0.4))
-    panel.set_yticks(range(len(SHAPES)), SHAPES)
-    figure.legend(loc="outside lower left", ncols=2, columnspacing=1.2)
     return figure
 
 
@@ -330,7 +248,7 @@ def hits_panel(results: Results, of: int) -> Figure:
     sources = (*SHAPES, ALL)
     for place, (form, words) in enumerate(((AS_PUBLISHED, ", as published"), (OURS, ", ours"), (BARE, ""))):
         for row, source in enumerate(sources):
-            hits, _ = counts(results, UNSEEN, form, "" if form == BARE else source)
+            hits = counts(results, UNSEEN, form, "" if form == BARE else source)["hits"]
             # spread by person from top to bottom, so that equal counts do not overlap
             height = row + 0.28 * (place - 1) + np.linspace(-0.11, 0.11, len(hits))
             label = f"{KINDS[form[0]].name}{words}" if row == 0 else None
@@ -341,30 +259,6 @@ def hits_panel(results: Results, of: int) -> Figure:
     panel.set(ylim=(len(sources) - 0.5, -0.5))
     panel.set_yticks(range(len(sources)), [SOURCES[source].name for source in sources])
     figure.legend(loc="outside lower left", ncols=2, columnspacing=1.2)
-    return figure
-
-
-@styled
-def distances_panel(shown: Shown, protocol: str) -> Figure:
-    """Closest distances on the grid of spheres, one dot per unroll; hits are orange and counted."""
-    pairs = shown.contenders
-    figure, panel = _panel(1.0 + 0.26 * len(pairs))
-    for row, (kind, source) in enumerate(pairs):
-        scored = shown.rows(protocol, kind, source)
-        # spread by row from top to bottom instead of random jitter
-        height = row + np.linspace(-0.3, 0.3, len(scored))
-        colours = np.where(scored["hit"], ORANGE, KINDS[kind].colour)
-        distance = scored["obstacle_distance"].clip(upper=FARTHEST)
-        panel.scatter(distance, height, s=2, c=colours, linewidths=0, alpha=0.6)
-        hits = int(scored["hit"].sum())
-        weight = "bold" if hits else "normal"
-        panel.text(FARTHEST + 1.1, row, f"{hits}", ha="right", va="center", weight=weight)
-    panel.text(FARTHEST + 1.1, -0.9, "hits", ha="right", va="center")
-    panel.axvline(0.0, color=HIT.colour, **DASHED)
-    panel.grid(axis="y", visible=False)
-    panel.set(title=f"{SITUATIONS[protocol].capitalize()} ({len(scored)})", xlim=(-1.1, FARTHEST + 1.2))
-    panel.set(xlabel="closest distance (radii)", ylim=(len(pairs) - 0.4, -1.4))
-    panel.set_yticks(range(len(pairs)), [model_name(*pair) for pair in pairs])
     return figure
 
 

@@ -7,12 +7,10 @@ from typing import Any
 
 import pandas as pd
 
-from dissertation.obstacles.names import KINDS
 from dissertation.obstacles.protocol.avoidance_protocols import (
     LIMITED,
     NO_MODEL,
     TRAINED,
-    UNSEEN,
     Situations,
     situations,
 )
@@ -23,8 +21,6 @@ from dissertation.obstacles.protocol.unrolled_reaches import (
     reaches_by_situation,
 )
 from dissertation.obstacles.world.scenarios import Scenario
-from structlearn.avoidance.learned_models import ALL
-from structlearn.avoidance.shapes import SHAPES
 from structlearn.core.metrics import matching
 from structlearn.core.params import Population
 from structlearn.primitives.position import PositionPrimitive
@@ -62,12 +58,6 @@ class Shown:
         """All unrolls with limits at the goal of the person shown."""
         own = matching(self.scores, person=self.population.shown)
         return reaches_by_situation(self.paths, own, self.baseline)
-
-    @cached_property
-    def contenders(self) -> list[tuple[str, str]]:
-        """Kind and source of the models tested on the grid of spheres."""
-        pairs = [(kind, source) for kind in KINDS for source in ("", *SHAPES, ALL)]
-        return [pair for pair in pairs if len(self.rows(UNSEEN, *pair))]
 
     def reach(self, situation: SituationKey, kind: str = NO_MODEL, learned_from: str = "") -> Reach:
         """One unroll of the person shown, with limits at the goal."""
