@@ -207,16 +207,8 @@ def high(results: Results, axis: str) -> dict[str, tuple[int, int] | None]:
     return {case: (int((its > low).sum()), len(its)) if len(its) else None for case, its in errors.items()}
 
 
-@finding(exact_count)
-def high_errors(results: Results) -> dict[str, Any]:
-    """`high` over all axes."""
-    return high(results, "all")
-
-
-@finding(exact_count)
-def high_dominant(results: Results) -> dict[str, Any]:
-    """`high` over the dominant axis."""
-    return high(results, "dominant")
+for name, axis in (("high_errors", "all"), ("high_dominant", "dominant")):
+    finding(exact_count, name=name)(partial(high, axis=axis))
 
 
 def times_network(results: Results, axis: str) -> dict[str, pd.Series]:
@@ -226,16 +218,10 @@ def times_network(results: Results, axis: str) -> dict[str, pd.Series]:
     return {case: np.exp(its.groupby("person").mean()) for case, its in ratios.items()}
 
 
-@finding(geometric_mean, unit="times the NMSE of the network")
-def rai_fits_worse(results: Results) -> dict[str, pd.Series]:
-    """`times_network` over all axes."""
-    return times_network(results, "all")
-
-
-@finding(geometric_mean, unit="times the NMSE of the network")
-def rai_dominant(results: Results) -> dict[str, pd.Series]:
-    """`times_network` over the dominant axis."""
-    return times_network(results, "dominant")
+for name, axis in (("rai_fits_worse", "all"), ("rai_dominant", "dominant")):
+    finding(geometric_mean, unit="times the NMSE of the network", name=name)(
+        partial(times_network, axis=axis)
+    )
 
 
 @finding(exact)
@@ -269,10 +255,13 @@ def single_hits_per_shape(results: Results) -> dict[str, pd.DataFrame]:
     return {shape: counts(results, TRAINED, AS_PUBLISHED, shape) for shape in SHAPES}
 
 
-@finding(mean, unit="higher NMSE")
-def single_of_all_shapes(results: Results) -> pd.Series:
-    """Held-out NMSE of a network of all shapes minus that of networks per shape."""
-    return across(results, NETWORK, ALL) - across(results, NETWORK, SHAPES)
+def of_all_shapes(results: Results, kind: str) -> pd.Series:
+    """Held-out NMSE of a model of all shapes minus that of models per shape (P,)."""
+    return across(results, kind, ALL) - across(results, kind, SHAPES)
+
+
+for name, kind in (("single_of_all_shapes", NETWORK), ("ensemble_of_all_shapes", ENSEMBLE)):
+    finding(mean, unit="higher NMSE", name=name)(partial(of_all_shapes, kind=kind))
 
 
 @finding(points, unit="percentage points")
@@ -286,12 +275,6 @@ def hits_of_pairs(results: Results) -> pd.DataFrame:
     """Hits past two spheres minus hits past one, each over the hits without avoidance."""
     form = NETWORK, LIMITED
     return pairs(*(rate(results, one, form, SHAPES) / rate(results, one) for one in (PAIR, UNSEEN)))
-
-
-@finding(mean, unit="higher NMSE")
-def ensemble_of_all_shapes(results: Results) -> pd.Series:
-    """`single_of_all_shapes` of ensembles."""
-    return across(results, ENSEMBLE, ALL) - across(results, ENSEMBLE, SHAPES)
 
 
 @finding(share)
