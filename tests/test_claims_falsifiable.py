@@ -28,6 +28,7 @@ from dynamics_tables import dynamics_results
 from reporting_feedback import PRIMITIVES, feedback_stages, people
 from reporting_refinement import refinement_stages, stored
 from reporting_scraping import PARAMETERS, demonstration
+from test_obstacles_page import find as obstacles_findings
 from test_obstacles_page import results as obstacles_results  # noqa: F401 a fixture
 from test_servoing_page import results as servoing_results  # noqa: F401 a fixture
 
@@ -36,8 +37,6 @@ from dissertation.dynamics.protocol.trainings import OURS, PUBLISHED
 from dissertation.evidence.claims import NO, Claim, read_claims
 from dissertation.evidence.studies import OURS as STUDIED
 from dissertation.evidence.studies import Study
-from dissertation.obstacles.page.findings import findings as obstacles_findings
-from dissertation.obstacles.page.findings import read_published as obstacles_published
 from dissertation.recorded.calibration.calibration_section import find_calibration
 from dissertation.recorded.coupling.page import representation_findings
 from dissertation.scraping.page import findings as scraping
@@ -180,7 +179,7 @@ PAGES = {
     "obstacles": Page(
         of_package("obstacles.page"),
         lambda get: [get("obstacles_results")],
-        partial(obstacles_findings, published=obstacles_published()),
+        obstacles_findings,
     ),
     "servoing": Page(of_package("servoing.page"), lambda get: servoing(get("servoing_results")), over_people),
     "segmentation": Page(

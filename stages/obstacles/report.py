@@ -2,17 +2,13 @@
 
 from dissertation.evidence.claims import quoted_claims
 from dissertation.evidence.judged_page import publish_judged
-from dissertation.evidence.studies import read_study
+from dissertation.evidence.results import read_results, with_study
+from dissertation.evidence.studies import OURS, RESULTS, stored_study
 from dissertation.obstacles import files
 from dissertation.obstacles.page.figures import figures
-from dissertation.obstacles.page.findings import (
-    PEOPLE_STUDY,
-    ObstacleResults,
-    example_setting,
-    findings,
-    read_published,
-)
-from dissertation.obstacles.page.page import document
+from dissertation.obstacles.page.findings import findings, read_published
+from dissertation.obstacles.page.page import PEOPLE_STUDY, document
+from dissertation.obstacles.page.shown import Shown, example_setting
 from dissertation.obstacles.protocol.avoidance_fits import AvoidanceTrainingParameters
 from dissertation.obstacles.protocol.avoidance_protocols import AvoidanceEvaluationParameters
 from dissertation.obstacles.world.reaching_person import AvoiderParameters
@@ -34,26 +30,28 @@ PARAMETERS = {
 
 def main() -> None:
     parameters = {key: stage_parameters(key, model) for key, model in PARAMETERS.items()}
-    places = scenarios(parameters["obstacle_scene"])
-    scores = read_table(files.SCORES_FILE)
-    population = stage_parameters("obstacle_people", Population)
-    setting = example_setting(scores, population.shown)
-    shown = [place for place in places if place.setting == setting]
-    results = ObstacleResults(
+    people = stage_parameters("obstacle_people", Population)
+    places, scores = scenarios(parameters["obstacle_scene"]), read_table(files.SCORES_FILE)
+    setting = example_setting(scores, people.shown)
+    shown = Shown(
         scores=scores,
         paths=read_table(files.PATHS_FILE),
-        demonstration_scores=read_table(files.PEOPLE_FILE),
-        errors=read_table(files.ERRORS_FILE),
-        baselines=files.read_baselines(),
+        demonstrated=read_table(files.PEOPLE_FILE),
+        baseline=files.read_baselines()[people.shown],
         scenarios=places,
-        demonstrations={place.shape: read_runs(f"{files.RUNS}/{place.name}.parquet") for place in shown},
-        population=population,
+        demonstrations={
+            place.shape: read_runs(f"{files.RUNS}/{place.name}.parquet")
+            for place in places
+            if place.setting == setting
+        },
+        population=people,
         parameters=parameters,
-        study=read_study(PEOPLE_STUDY),
     )
-    published = read_published()
-    find = findings(results, published)
-    page, drawings = document(results, find), figures(results, published["largest_nmse"])
+    study = stored_study(RESULTS / PEOPLE_STUDY)
+    population = with_study(read_results("obstacles"), study, "person", people.test, variant=OURS)
+    find = findings(population)
+    page = document(population, shown, find, study)
+    drawings = figures(population.results, shown, read_published()["largest_nmse"])
     publish_judged(files.REPORT, {"index": page}, drawings, page.tables, find, recorded=quoted_claims())
 
 

@@ -94,7 +94,7 @@ def _legend() -> list[Line2D]:
         Line2D([], [], color=colour, marker="o", markersize=3.5, label=name)
         for name, colour in COLOURS.items()
     ]
-    tick: dict[str, Any] = {"color": BLACK, "marker": "|", "linestyle": "none", "markersize": 9, "markeredgewidth": 1.6}
+    tick: dict[str, Any] = {"color": BLACK, "marker": "|", "linestyle": "none", "markersize": 9}
     handles.append(Line2D([], [], label="published", **tick))
     handles.append(Line2D([], [], color=BLACK, linestyle=(0, (3, 2)), linewidth=0.8, label="bound"))
     handles.append(Line2D([], [], color="#cfe6d8", linewidth=6, label="holds"))

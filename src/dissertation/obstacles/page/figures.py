@@ -7,38 +7,34 @@ from collections.abc import Iterable, Mapping, Sequence
 from typing import Any, NamedTuple
 
 import numpy as np
-import pandas as pd
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.patches import Polygon
 
+from dissertation.evidence.results import Results
 from dissertation.obstacles.names import (
     DEMONSTRATIONS,
     FREE,
     HIT,
     KINDS,
-    SITUATIONS,
     SOURCES,
     fitted_name,
 )
-from dissertation.obstacles.page.findings import (
-    AS_PUBLISHED,
-    FEW_HITS,
-    OURS,
-    ObstacleResults,
-    example_setting,
-)
-from dissertation.obstacles.page.page import FITS
-from dissertation.obstacles.protocol.avoidance_protocols import MOVING, NO_MODEL, TRAINED, UNSEEN
-from dissertation.obstacles.protocol.unrolled_reaches import Reach, SituationKey, of_model
+from dissertation.obstacles.page.findings import AS_PUBLISHED, BARE, FEW_HITS, OURS, counts, of_settings
+from dissertation.obstacles.page.shown import Shown
+from dissertation.obstacles.protocol.avoidance_protocols import NO_MODEL, TRAINED, UNSEEN
+from dissertation.obstacles.protocol.unrolled_reaches import Reach, SituationKey
 from dissertation.obstacles.world.scenarios import UNSEEN_RADIUS_M
 from dissertation.simulation.still import Solid, View, still
 from structlearn.avoidance.avoidance_dataset import baseline_axes, to_local
 from structlearn.avoidance.learned_models import ALL, ENSEMBLE, HUMAN_INSPIRED, NETWORK, SETTING
 from structlearn.avoidance.shapes import HALF_SIZE_M, SHAPES, Obstacle, obstacle
-from structlearn.palette import BLACK, BLUE, LIGHT_BLUE, LIGHT_GREY, ORANGE
+from structlearn.palette import BLACK, BLUE, LIGHT_BLUE, LIGHT_GREY
 from structlearn.reporting.figure_style import PANEL_WIDTH, Drawing, Raster, canvas, styled
 from structlearn.reporting.prose import capitalised, rounded
+
+FITS = {"all": "all three axes", "across": "y and z", "dominant": "dominant axis"}
+"""Axes of errors of models trained on one scenario."""
 
 VIEWS = {"from the side": 2, "from above": 1}  # local axis shown over x, by name of the view
 
@@ -47,9 +43,6 @@ PARTS = {"train": ("learned from", LIGHT_BLUE), "test": ("held out", BLUE)}
 
 BINS = np.linspace(0.0, 1.2, 13)  # of NMSE; larger values count in the last bin
 
-GRID = [protocol for protocol in SITUATIONS if protocol != TRAINED]
-FARTHEST = 4.0  # radii; larger distances are drawn there
-MOMENTS = 5  # times at which a moving obstacle is drawn
 
 BALL = UNSEEN_RADIUS_M / HALF_SIZE_M["sphere"][0] * obstacle("sphere", np.zeros(3)).cloud(100)
 """Cloud (P, 3) m of an unseen sphere, relative to its centre."""
@@ -86,43 +79,36 @@ class Outline(NamedTuple):
     filled: bool = True
 
 
-def figures(results: ObstacleResults, largest_nmse: float) -> dict[str, Drawing | Sequence[Drawing]]:
+def figures(results: Results, shown: Shown, largest_nmse: float) -> dict[str, Drawing | Sequence[Drawing]]:
     """All figures of the page, keyed by name; `largest_nmse` is the published value."""
-    setting = example_setting(results.scores, results.population.shown)
     kinds = (NETWORK, HUMAN_INSPIRED)
     contenders: list[tuple[str, str, Sequence[str]]] = [
         (NO_MODEL, "", [""]),
         *((kind, "per setting", [SETTING]) for kind in (HUMAN_INSPIRED, NETWORK)),
         (ENSEMBLE, "per shape", SHAPES),
     ]
-    rows_beyond = [[_beyond_panel(results, protocol) for protocol in pair] for pair in (GRID[:2], GRID[2:])]
-    example = _to_scale([_example_panel(results, shape, setting) for shape in SHAPES])
-    closest = closest_panel(results, setting)
-    closest.set_figheight(example[0].get_figheight())
     return {
-        "still": simulated_scene(results, setting),
-        "example": [*example, closest],
-        "fit": [fit_panel(results, kind, column, largest_nmse) for column in FITS for kind in kinds],
-        "people": [Raster(people_panel(results, *contender)) for contender in contenders],
-        "hits": hits_panel(results),
-        "unseen": _to_scale([_unseen_panel(results, source) for source in (*SHAPES, ALL)]),
-        "beyond": [panel for row in rows_beyond for panel in _to_scale(row)],
-        "distances": [Raster(distances_panel(results, protocol)) for protocol in GRID],
+        "still": simulated_scene(shown),
+        "example": _to_scale([_example_panel(shown, shape) for shape in SHAPES]),
+        "fit": [fit_panel(results, kind, axis, largest_nmse) for axis in FITS for kind in kinds],
+        "people": [Raster(people_panel(shown, *contender)) for contender in contenders],
+        "hits": hits_panel(results, len(shown.situations[UNSEEN].numbers)),
+        "unseen": _to_scale([_unseen_panel(shown, source) for source in (*SHAPES, ALL)]),
     }
 
 
-def simulated_scene(results: ObstacleResults, setting: int) -> np.ndarray:
+def simulated_scene(shown: Shown) -> np.ndarray:
     """Still image (H, W, 3) of reaches past each shape, demonstrated and without avoidance, side by side."""
-    shown = [scenario for scenario in results.scenarios if scenario.setting == setting]
-    along, across, _ = baseline_axes(results.baseline).T
-    middle = 0.5 * (results.baseline.start + results.baseline.goal)
-    floor = min(one.obstacle.centre[2] - one.obstacle.half_size[2] for one in shown)
+    places = [place for place in shown.scenarios if place.setting == shown.setting]
+    along, across, _ = baseline_axes(shown.baseline).T
+    middle = 0.5 * (shown.baseline.start + shown.baseline.goal)
+    floor = min(one.obstacle.centre[2] - one.obstacle.half_size[2] for one in places)
     solids = [Solid("box", (1.5, 1.2, 0.01), (middle[0], middle[1], floor - 0.011), colour=TABLE_RGBA)]
-    for number, scenario in enumerate(shown):
-        shift = (0.5 * (len(shown) - 1) - number) * LANE_M * across
+    for number, scenario in enumerate(places):
+        shift = (0.5 * (len(places) - 1) - number) * LANE_M * across
         solids.append(_solid(scenario.obstacle, shift))
-        demonstrated = results.demonstrations[scenario.shape][0].position
-        bare = _reach(results, SituationKey(TRAINED, scenario.shape, setting)).position
+        demonstrated = shown.demonstrations[scenario.shape][0].position
+        bare = shown.reach(SituationKey(TRAINED, scenario.shape, shown.setting)).position
         for path, colour in ((bare, BARE_RGBA), (demonstrated, DEMONSTRATED_RGBA)):
             solids += [Solid("sphere", (BEAD_M,), bead + shift, colour=colour) for bead in _beads(path)]
         over = demonstrated[np.abs((demonstrated - scenario.obstacle.centre) @ along).argmin()]
@@ -151,78 +137,34 @@ def _solid(obstacle: Obstacle, shift: np.ndarray) -> Solid:
     return Solid(kind, size, obstacle.centre + shift, turn, OBSTACLE_RGBA)
 
 
-def worst(results: ObstacleResults, protocol: str) -> tuple[int, float]:
-    """Number and speed of the fastest situation in which the reach without avoidance comes closest.
-
-    Considers situations whose obstacles all lie between start and goal.
-    """
-    situation = results.situations[protocol]
-    length = np.linalg.norm(results.baseline.goal - results.baseline.start)
-    along = np.stack([obstacle.centre[:, 0] for obstacle in situation.obstacles])
-    between = ((along > 0.0) & (along < length)).all(axis=0)
-    chosen = between & (situation.speed == situation.speed[between].max(initial=0.0))
-    bare = results.rows(protocol, person=results.population.shown)
-    bare = bare[chosen if between.any() else np.ones_like(between)]
-    row = bare.loc[bare["obstacle_distance"].idxmin()]
-    return int(row["scenario"]), float(row["speed_m_s"])
-
-
-def _example_panel(results: ObstacleResults, shape: str, setting: int) -> Figure:
+def _example_panel(shown: Shown, shape: str) -> Figure:
     """Paths past one obstacle: demonstrations, no avoidance, models trained on all settings of the shape."""
-    (solid,) = (one.obstacle for one in results.scenarios if (one.shape, one.setting) == (shape, setting))
-    paths = [to_local(one.position, results.baseline) for one in results.demonstrations[shape]]
+    (solid,) = (one.obstacle for one in shown.scenarios if (one.shape, one.setting) == (shape, shown.setting))
+    paths = [to_local(one.position, shown.baseline) for one in shown.demonstrations[shape]]
     curves = [Curve(path, DEMONSTRATIONS.colour, THIN) for path in paths[1:]]
     curves.append(Curve(paths[0], DEMONSTRATIONS.colour, THIN, DEMONSTRATIONS.name))
     for kind in (NO_MODEL, HUMAN_INSPIRED, NETWORK, ENSEMBLE):
         source = "" if kind == NO_MODEL else shape
-        reach = _reach(results, SituationKey(TRAINED, shape, setting), kind, source)
-        curves += _curves(results, reach, KINDS[kind].colour, KINDS[kind].name)
-    cloud = to_local(solid.cloud(800), results.baseline)
+        reach = shown.reach(SituationKey(TRAINED, shape, shown.setting), kind, source)
+        curves += _curves(shown, reach, KINDS[kind].colour, KINDS[kind].name)
+    cloud = to_local(solid.cloud(800), shown.baseline)
     return two_views(shape.capitalize(), [Outline(cloud, HIT.colour)], curves)
 
 
-def _unseen_panel(results: ObstacleResults, source: str) -> Figure:
+def _unseen_panel(shown: Shown, source: str) -> Figure:
     """The grid of unseen spheres, with an ensemble's path past each."""
-    centres = results.situations[UNSEEN].obstacles[0].centre
-    hit = results.rows(UNSEEN, person=results.population.shown)["hit"]
+    centres = shown.situations[UNSEEN].obstacles[0].centre
+    hit = shown.rows(UNSEEN, person=shown.population.shown)["hit"]
     outlines = [
         Outline(centre + BALL, (HIT if its else FREE).colour, 0.5, filled=False)
         for its, centre in sorted(zip(hit, centres.tolist(), strict=True))
     ]
     keys = [SituationKey(UNSEEN, "sphere", number) for number in range(1, len(hit) + 1)]
     # every second sample suffices for small pictures
-    paths = [to_local(_reach(results, key, ENSEMBLE, source).position[::2], results.baseline) for key in keys]
+    paths = [to_local(shown.reach(key, ENSEMBLE, source).position[::2], shown.baseline) for key in keys]
     curves = [Curve(path, SOURCES[source].colour, THIN) for path in paths]
-    curves += _curves(results, _reach(results, keys[0]), BLACK, KINDS[NO_MODEL].name)
+    curves += _curves(shown, shown.reach(keys[0]), BLACK, KINDS[NO_MODEL].name)
     return two_views(capitalised(fitted_name(ENSEMBLE, source)), outlines, curves)
-
-
-def _beyond_panel(results: ObstacleResults, protocol: str) -> Figure:
-    """Ensemble of all shapes and no avoidance, in the situation where the latter comes closest."""
-    number, speed = worst(results, protocol)
-    situation, duration = results.situations[protocol], results.baseline.duration
-    place = int(np.flatnonzero((situation.numbers == number) & (situation.speed == speed))[0])
-    key = SituationKey(protocol, situation.obstacle, number, speed)
-    avoiding = _reach(results, key, ENSEMBLE, ALL)
-    curves = _curves(results, _reach(results, key), BLACK, KINDS[NO_MODEL].name)
-    curves += _curves(results, avoiding, SOURCES[ALL].colour, fitted_name(ENSEMBLE, ALL))
-    times = np.linspace(0.0, duration, MOMENTS) if protocol == MOVING else [duration]
-    outlines = []
-    for count, time in enumerate(times, start=1):
-        for spheres in situation.obstacles:
-            centre = spheres.centre[place] + spheres.displacement(float(time))[place]
-            outlines.append(Outline(centre + BALL, HIT.colour, count / len(times)))
-        if protocol == MOVING:
-            hand = to_local(avoiding.position[[np.abs(avoiding.time - time).argmin()]], results.baseline)
-            style = {"marker": "o", "markersize": 4, "alpha": count / len(times)}
-            curves.append(Curve(hand, SOURCES[ALL].colour, style))
-    if situation.goal_change is not None:
-        goals = np.stack([results.baseline.goal, np.reshape(situation.goal_change.goals, (-1, 3))[0]])
-        for goal, colour in zip(to_local(goals, results.baseline), (LIGHT_GREY, BLACK), strict=True):
-            style = {"marker": "x", "markersize": 7, "markeredgewidth": 2, "zorder": 4}
-            curves.append(Curve(goal[None], colour, style))
-    words = SITUATIONS[protocol].capitalize()
-    return two_views(f"{words}, {speed:g} m/s" if speed else words, outlines, curves)
 
 
 def _panel(height: float) -> tuple[Figure, Axes]:
@@ -255,62 +197,33 @@ def two_views(title: str, outlines: Iterable[Outline], curves: Sequence[Curve]) 
 
 
 @styled
-def closest_panel(results: ObstacleResults, setting: int) -> Figure:
-    """Closest distance to the obstacle of one setting by shape, for demonstrations and models."""
-    people = results.demonstration_scores.query(f"scenario == {setting}")
-    people = people[people["person"] == results.population.shown]
-    rows = [(DEMONSTRATIONS.name, DEMONSTRATIONS.colour, "o", people)]
-    for kind, sources, words, marker in (
-        (NO_MODEL, [""], "", "o"),
-        (HUMAN_INSPIRED, [SETTING], ", per setting", "o"),
-        (HUMAN_INSPIRED, SHAPES, ", per shape", "D"),
-        (NETWORK, [SETTING], ", per setting", "o"),
-        (NETWORK, SHAPES, ", per shape", "D"),
-        (ENSEMBLE, SHAPES, ", per shape", "D"),
-    ):
-        scored = results.rows(TRAINED, kind, sources, person=results.population.shown)
-        its = scored[scored["scenario"] == setting]
-        if len(its):  # not all settings have models of their own
-            rows.append((f"{KINDS[kind].name}{words}", KINDS[kind].colour, marker, its))
-    figure, panel = _panel(3.3)
-    for words, colour, marker, its in rows:
-        distance = its.groupby("obstacle")["obstacle_distance"].mean()[list(SHAPES)]
-        fill = "none" if marker == "D" else colour
-        panel.plot(distance, range(len(SHAPES)), marker, color=colour, markerfacecolor=fill, label=words)
-    panel.axvline(0.0, color=HIT.colour, **DASHED)
-    panel.set(title="Closest distance", xlabel="radii; 0 and below is a hit", ylim=(len(SHAPES) - 0.6, -0.4))
-    panel.set_yticks(range(len(SHAPES)), SHAPES)
-    figure.legend(loc="outside lower left", ncols=2, columnspacing=1.2)
-    return figure
-
-
-@styled
-def fit_panel(results: ObstacleResults, kind: str, column: str, largest_nmse: float) -> Figure:
+def fit_panel(results: Results, kind: str, axis: str, largest_nmse: float) -> Figure:
     """Figure IV.10: histogram over scenarios of the error of models trained on one scenario."""
     figure, panel = _panel(2.2)
     for place, (part, (label, colour)) in enumerate(PARTS.items()):
-        errors = results.setting_fits(column, part).get(kind, pd.Series(dtype=float))
+        errors = of_settings(results, axis, part)[kind]
         counts, _ = np.histogram(errors.clip(upper=BINS[-1] - 1e-9), BINS)
         panel.bar(BINS[:-1] + 0.008 + 0.042 * place, counts, 0.042, align="edge", color=colour, label=label)
     panel.axvline(largest_nmse, color=BLACK, label=f"published: up to {largest_nmse:g}", **DASHED)
     panel.grid(axis="x", visible=False)
     panel.set_xticks(BINS[1::2])
-    panel.set(title=f"{capitalised(KINDS[kind].name)}, {FITS[column]}", ylabel="scenarios")
+    panel.set(title=f"{capitalised(KINDS[kind].name)}, {FITS[axis]}", ylabel="scenarios")
     panel.set(xlim=(BINS[0], BINS[-1]), xlabel=f"NMSE; the last bar: {BINS[-2]:.1f} and above")
     figure.legend(loc="outside lower left", ncols=3, columnspacing=1.2)
     return figure
 
 
 @styled
-def people_panel(results: ObstacleResults, kind: str, words: str, sources: Sequence[str]) -> Figure:
+def people_panel(shown: Shown, kind: str, words: str, sources: Sequence[str]) -> Figure:
     """Closest distance of each unroll against that of the demonstrating person, one dot per scenario."""
     keys = ["person", "obstacle", "scenario"]
-    people = results.demonstrated.groupby(keys)["obstacle_distance"].mean()
+    its = shown.demonstrated[shown.demonstrated["person"].isin(shown.population.test)]
+    people = its.groupby(keys)["obstacle_distance"].mean()
     top = 1.05 * float(people.max())
     figure, panel = _panel(2.8)
     panel.plot([-1, top], [-1, top], color=LIGHT_GREY, linewidth=0.9)
     panel.axhline(0.0, color=HIT.colour, **DASHED)
-    scored = results.rows(TRAINED, kind, sources).set_index(keys)
+    scored = shown.rows(TRAINED, kind, sources).set_index(keys)
     for shape, marker in zip(SHAPES, "os^", strict=True):
         its = scored.loc[scored.index.get_level_values("obstacle") == shape, "obstacle_distance"]
         look: dict[str, Any] = {"markersize": 3, "markeredgewidth": 0, "alpha": 0.5}
@@ -329,48 +242,23 @@ def people_panel(results: ObstacleResults, kind: str, words: str, sources: Seque
 
 
 @styled
-def hits_panel(results: ObstacleResults) -> Figure:
-    """Number of unseen spheres hit, one dot per person, by form and source."""
+def hits_panel(results: Results, of: int) -> Figure:
+    """Number of unseen spheres hit, of so many, one dot per person, by form and source."""
     figure, panel = _panel(2.8)
     sources = (*SHAPES, ALL)
-    for place, (form, words) in enumerate(((AS_PUBLISHED, "as published"), (OURS, "ours"))):
+    for place, (form, words) in enumerate(((AS_PUBLISHED, ", as published"), (OURS, ", ours"), (BARE, ""))):
         for row, source in enumerate(sources):
-            hits, _ = results.hits_by_person(UNSEEN, form, source)
+            hits = counts(results, UNSEEN, form, "" if form == BARE else source)["hits"]
             # spread by person from top to bottom, so that equal counts do not overlap
-            height = row + 0.4 * place - 0.2 + np.linspace(-0.13, 0.13, len(hits))
-            label = f"{KINDS[form[0]].name}, {words}" if row == 0 else None
-            panel.plot(hits, height, "o", markersize=4, color=KINDS[form[0]].colour, label=label)
+            height = row + 0.28 * (place - 1) + np.linspace(-0.11, 0.11, len(hits))
+            label = f"{KINDS[form[0]].name}{words}" if row == 0 else None
+            panel.plot(hits, height, "o", markersize=3, color=KINDS[form[0]].colour, label=label)
     panel.axvline(FEW_HITS + 0.5, color=HIT.colour, **DASHED)
     panel.grid(axis="y", visible=False)
-    count = len(results.situations[UNSEEN].numbers)
-    panel.set(title="Hits by person", xlabel=f"unseen spheres hit, of {count}")
+    panel.set(title="Hits by person", xlabel=f"unseen spheres hit, of {of}")
     panel.set(ylim=(len(sources) - 0.5, -0.5))
     panel.set_yticks(range(len(sources)), [SOURCES[source].name for source in sources])
     figure.legend(loc="outside lower left", ncols=2, columnspacing=1.2)
-    return figure
-
-
-@styled
-def distances_panel(results: ObstacleResults, protocol: str) -> Figure:
-    """Closest distances on the grid of spheres, one dot per unroll; hits are orange and counted."""
-    pairs = results.contenders
-    figure, panel = _panel(1.0 + 0.26 * len(pairs))
-    for row, (kind, source) in enumerate(pairs):
-        scored = results.rows(protocol, kind, source)
-        # spread by row from top to bottom instead of random jitter
-        height = row + np.linspace(-0.3, 0.3, len(scored))
-        colours = np.where(scored["hit"], ORANGE, KINDS[kind].colour)
-        distance = scored["obstacle_distance"].clip(upper=FARTHEST)
-        panel.scatter(distance, height, s=2, c=colours, linewidths=0, alpha=0.6)
-        hits = int(scored["hit"].sum())
-        weight = "bold" if hits else "normal"
-        panel.text(FARTHEST + 1.1, row, f"{hits}", ha="right", va="center", weight=weight)
-    panel.text(FARTHEST + 1.1, -0.9, "hits", ha="right", va="center")
-    panel.axvline(0.0, color=HIT.colour, **DASHED)
-    panel.grid(axis="y", visible=False)
-    panel.set(title=f"{SITUATIONS[protocol].capitalize()} ({len(scored)})", xlim=(-1.1, FARTHEST + 1.2))
-    panel.set(xlabel="closest distance (radii)", ylim=(len(pairs) - 0.4, -1.4))
-    panel.set_yticks(range(len(pairs)), [fitted_name(*pair) for pair in pairs])
     return figure
 
 
@@ -390,15 +278,8 @@ def _to_scale(figures: Sequence[Figure]) -> list[Figure]:
     return list(figures)
 
 
-def _reach(
-    results: ObstacleResults, situation: SituationKey, kind: str = NO_MODEL, learned_from: str = ""
-) -> Reach:
-    found = of_model(results.reaches[situation], kind)
-    return next(reach for reach in found if reach.learned_from == learned_from)
-
-
-def _curves(results: ObstacleResults, reach: Reach, colour: str, name: str) -> list[Curve]:
+def _curves(shown: Shown, reach: Reach, colour: str, name: str) -> list[Curve]:
     """Path up to the prescribed time, and the rest as a thin line."""
-    points, after = to_local(reach.position, results.baseline), reach.time >= results.baseline.duration
+    points, after = to_local(reach.position, shown.baseline), reach.time >= shown.baseline.duration
     style = DASHED if reach.model == NO_MODEL else WIDE
     return [Curve(points[~after], colour, style, name), Curve(points[after], colour, THIN)]

@@ -1,60 +1,65 @@
 """Findings of the obstacle testbed, over the people of the test population.
 
 The dissertation's statements are tested on its own form: single networks with its rules (`AS_PUBLISHED`).
-Ensembles with limits at the goal (`OURS`) are evidence for this project's claims. Rates are clustered by
-person, errors are means over people, differences are paired by person. The study `obstacles/people` adds
-people to those of this run: errors of their models, and sums and extremes over their reaches.
+Ensembles with limits at the goal (`OURS`) are evidence for this project's claims. Differences and ratios are
+paired by person. The study `obstacles/people` adds people to those of this run.
 """
 
-from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass
-from functools import cached_property, lru_cache
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
+from functools import lru_cache, partial
+from itertools import product
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pandas as pd
 
-from dissertation.evidence.studies import Study, extended
-from dissertation.obstacles.names import KINDS, SITUATIONS
+from dissertation.evidence.results import Population, Register, Results
+from dissertation.obstacles.names import SITUATIONS
 from dissertation.obstacles.protocol.avoidance_protocols import (
-    GOAL_CHANGE,
     LIMITED,
     NO_MODEL,
     PAIR,
     PUBLISHED,
     TRAINED,
     UNSEEN,
-    Situations,
-    situations,
 )
-from dissertation.obstacles.protocol.unrolled_reaches import Reach, SituationKey, reaches_by_situation
-from dissertation.obstacles.world.scenarios import Scenario
+from dissertation.obstacles.protocol.results import DEMONSTRATED
 from structlearn.avoidance.learned_models import (
     ALL,
     ENSEMBLE,
     HUMAN_INSPIRED,
     NETWORK,
-    PHASE_MODULATED,
     SETTING,
 )
 from structlearn.avoidance.shapes import SHAPES
-from structlearn.core.metrics import matching
-from structlearn.core.params import Population, read_values
-from structlearn.primitives.position import PositionPrimitive
-from structlearn.readers.demonstration import Demonstration
-from structlearn.reporting.evidence import Evidence
+from structlearn.core.params import read_values
+from structlearn.reporting.evidence import (
+    Evidence,
+    clustered_share,
+    exact,
+    exact_count,
+    geometric_mean,
+    maximum,
+    mean,
+    rate_difference,
+)
 from structlearn.reporting.findings import Findings
+from structlearn.reporting.prose import percent
 
-AS_PUBLISHED, OURS = (NETWORK, PUBLISHED), (ENSEMBLE, LIMITED)
-"""Kind of model and rules: as published, and our variant."""
+AS_PUBLISHED, OURS, RAI = (NETWORK, PUBLISHED), (ENSEMBLE, LIMITED), (HUMAN_INSPIRED, PUBLISHED)
+"""Kind of model and rules: as published, our variant, and the model of Rai et al."""
 
-PEOPLE_STUDY = "obstacles/people"  # further people, pooled in the verdicts
+BARE = (NO_MODEL, LIMITED)  # reaches without avoidance, which no rule changes
 EVERY = (*SHAPES, ALL)
 FEW_HITS = 1  # unseen spheres that a person's model may hit to count as good
 PARTS = {"learned from": "train", "held out": "test"}
-MODEL = ["protocol", "rules", "model", "learned_from"]
-Sources = str | Iterable[str]  # what models learned from
+Form = tuple[str, str]
+Sources = str | Sequence[str]  # what models learned from
+
+register = Register()
+finding = register.finding
 
 
 @lru_cache
@@ -63,267 +68,278 @@ def read_published() -> Mapping[str, Any]:
     return read_values(Path(__file__).with_name("published.yaml"))
 
 
-@dataclass(frozen=True)
-class ObstacleResults:
-    """Outputs of the testbed's stages, with selections from them."""
-
-    scores: pd.DataFrame  # of every unroll, see `avoidance_protocols.evaluate_avoidance`
-    # shown person's unrolls with limits at the goal, see `avoidance_protocols.evaluate_avoidance`
-    paths: pd.DataFrame
-    demonstration_scores: pd.DataFrame  # of all people, see `avoidance_scores.demonstration_scores`
-    errors: pd.DataFrame  # of the models, see `avoidance_fits.learn_avoidance`
-    baselines: Mapping[int, PositionPrimitive]  # reaches without obstacle, by person
-    scenarios: Sequence[Scenario]  # of the demonstrations, in order
-    demonstrations: Mapping[str, Sequence[Demonstration]]  # shown person's in `example_setting`, by shape
-    population: Population  # test people, and the person shown
-    parameters: Mapping[str, Any]  # of the stages, keyed as in `params.yaml`
-    study: Study | None = None  # of further people; None if it was not run with these parameters
-
-    @cached_property
-    def people(self) -> list[int]:
-        """Seeds of the test people, including the study's."""
-        return self.by_person["person"].unique().tolist()
-
-    @cached_property
-    def by_person(self) -> pd.DataFrame:
-        """`reaches_by_person` of the test people, including the study's."""
-        scores = self.scores[self.scores["person"].isin(self.population.test)]
-        own = reaches_by_person(scores, read_published()["per_setting"][NETWORK]["goal_max"])
-        return extended(own, self.study, "by_person", "person")
-
-    @property
-    def baseline(self) -> PositionPrimitive:
-        """Reach without obstacle of the person shown."""
-        return self.baselines[self.population.shown]
-
-    @cached_property
-    def situations(self) -> dict[str, Situations]:
-        """Situations on the grid of spheres by protocol, for the person shown."""
-        tested = self.parameters["obstacle_evaluation"]
-        cloud_count = self.parameters["obstacle_dataset"].cloud_count
-        every = situations(self.scenarios, self.baseline, tested, cloud_count)
-        return {one.protocol: one for one in every if one.protocol != TRAINED}
-
-    @cached_property
-    def demonstrated(self) -> pd.DataFrame:
-        """Demonstration scores of the test people."""
-        return self._of_people(self.demonstration_scores)
-
-    def rows(
-        self,
-        protocol: str,
-        model: str = NO_MODEL,
-        learned_from: Sources = "",
-        rules: str = LIMITED,
-        obstacle: str | None = None,
-        person: int | None = None,
-    ) -> pd.DataFrame:
-        """Scores of one protocol and model for people of this run, in table order."""
-        its = _of_model(self.scores, protocol, model, learned_from, rules)
-        its = its[its["person"].isin(self.people if person is None else [person])]
-        return its if obstacle is None else its[its["obstacle"] == obstacle]
-
-    def reached(
-        self, protocol: str, model: str = NO_MODEL, learned_from: Sources = "", rules: str = LIMITED
-    ) -> pd.DataFrame:
-        """Rows of `by_person` of one protocol and model."""
-        return _of_model(self.by_person, protocol, model, learned_from, rules)
-
-    def hits(self, protocol: str, model: str = NO_MODEL, learned_from: Sources = "") -> int:
-        """Number of hits over all people, with limits at the goal."""
-        return int(self.reached(protocol, model, learned_from)["hits"].sum())
-
-    def hits_by_person(
-        self, protocol: str, form: tuple[str, str], learned_from: Sources
-    ) -> tuple[np.ndarray, np.ndarray]:
-        """Numbers of hits (P,) and reaches (P,) by person, for a kind of model and its rules."""
-        kind, rules = form
-        by = self.reached(protocol, kind, learned_from, rules).groupby("person", sort=False)
-        return by["hits"].sum().to_numpy(int), by["reaches"].sum().to_numpy(int)
-
-    @cached_property
-    def fits(self) -> pd.DataFrame:
-        """`errors` with the study's rows, `nmse_across` and `nmse_worse` (mean and maximum of y and z)."""
-        errors = extended(self.errors, self.study, "errors", "person")
-        across = errors[["nmse_y", "nmse_z"]]
-        return errors.assign(nmse_across=across.mean(axis=1), nmse_worse=across.max(axis=1))
-
-    def fit(self, model: str, learned_from: str, obstacle: str, part: str = "test") -> pd.DataFrame:
-        """Rows of `fits` of a model trained on several scenarios, one per person."""
-        keys = {"model": model, "learned_from": learned_from, "obstacle": obstacle, "part": part}
-        return matching(self._of_people(self.fits), **keys)
-
-    def fit_by_person(self, model: str, all_shapes: bool = False) -> np.ndarray:
-        """Held-out `nmse_across` (P,), mean over shapes, of models of one shape each or of all shapes."""
-        rows = [self.fit(model, ALL if all_shapes else shape, shape)["nmse_across"] for shape in SHAPES]
-        return np.mean(rows, axis=0)
-
-    def setting_fits(self, column: str, part: str) -> pd.DataFrame:
-        """NMSE of models trained on one scenario: rows are scenarios with such models, columns models."""
-        fits = matching(self._of_people(self.fits), learned_from=SETTING, part=part)
-        wide = fits.pivot_table(index=["person", "obstacle", "scenario"], columns="model", values=column)
-        return wide.reindex(columns=[NETWORK, HUMAN_INSPIRED]).dropna()
-
-    @cached_property
-    def reaches(self) -> dict[SituationKey, list[Reach]]:
-        """All unrolls with limits at the goal of the person shown."""
-        own = self.scores[self.scores["person"] == self.population.shown]
-        return reaches_by_situation(self.paths, own, self.baseline)
-
-    @cached_property
-    def contenders(self) -> list[tuple[str, str]]:
-        """Kind and source of the models tested on the grid of spheres."""
-        pairs = [(kind, source) for kind in KINDS for source in ("", *EVERY)]
-        return [pair for pair in pairs if len(self.rows(UNSEEN, *pair))]
-
-    def _of_people(self, table: pd.DataFrame) -> pd.DataFrame:
-        return table[table["person"].isin(self.people)]
-
-
-def _of_model(
-    table: pd.DataFrame, protocol: str, model: str, learned_from: Sources, rules: str
-) -> pd.DataFrame:
-    """Rows of one protocol, kind of model, one or several sources, and rules."""
-    its = matching(table, protocol=protocol, model=model, rules=rules)
-    return its[its["learned_from"].isin([learned_from] if isinstance(learned_from, str) else learned_from)]
-
-
-def reaches_by_person(scores: pd.DataFrame, farthest_m: float) -> pd.DataFrame:
-    """Sums and extremes of `avoidance_protocols.evaluate_avoidance` over each person's reaches by model.
-
-    Columns: `person`, `MODEL`; numbers of `reaches`, `hits` and reaches ending `far`, i.e. more than
-    `farthest_m` from the goal; largest distances from the goal in m; means of `detour_m` and `restrained`.
-    """
-    by = scores.assign(far=scores["goal_distance_m"] > farthest_m).groupby(["person", *MODEL], sort=False)
-    largest = by[["goal_distance_m", "late_goal_distance_m", "excursion_m"]].max()
-    counts = by[["hit", "far"]].sum().rename(columns={"hit": "hits"}).astype(int)
-    means = by[["detour_m", "restrained"]].mean()
-    return pd.concat([by.size().rename("reaches"), counts, largest, means], axis=1).reset_index()
-
-
-def example_setting(scores: pd.DataFrame, person: int) -> int:
-    """Setting to which a person's reach without avoidance comes closest, averaged over shapes."""
-    own = scores[(scores["protocol"] == TRAINED) & (scores["person"] == person)]
-    bare = own[own["model"] == NO_MODEL]
-    return int(bare.groupby("scenario")["obstacle_distance"].mean().idxmin())
-
-
-def findings(results: ObstacleResults, published: Mapping[str, Any]) -> Findings:
-    """All findings of the page.
-
-    `hits_unseen_<source>_worst_person`: most unseen spheres hit by anyone's ensemble, by what it learned
-    from; `..._share_of_people_within_1`: share of people whose ensemble hits at most one; `..._single_...`:
-    the same for the published form. `hits_<protocol>_baseline` and `hits_all_shapes_<protocol>` are sums over
-    people, without avoidance and with the ensemble of all shapes.
-    """
-    find = Findings(f"{len(results.people)} simulated people on whom nothing was tuned")
-    find.exact("people", len(results.people), headline=True)
-    find.exact("people_of_this_run", len(results.population.test))
-    find.exact("scenarios", len(results.scenarios))
-    find.exact("demonstrations", len(results.demonstrated))
-    find.exact("networks_per_ensemble", results.parameters["obstacle_training"].ensemble.members)
-    _fits(results, find, published["largest_nmse"])
-    _hits(results, find)
-    _goals(results, find)
-    shown = find.among(f"person {results.population.shown}, on whom constants were tuned")
-    keys = ["person", "part", "learned_from", "model"]
-    worst = results.fits.groupby(keys)["nmse_worse"].max().loc[results.population.shown, "test", ALL]
-    for name, kind in (("modulated", PHASE_MODULATED), ("not_modulated", NETWORK)):
-        shown.exact(f"nmse_shown_{name}", worst[kind])
+def findings(population: Population) -> Findings:
+    """All findings of the page."""
+    find = Findings("simulated people on whom nothing was tuned")
+    register.evaluate(find, population)
     return find
 
 
-def _fits(results: ObstacleResults, find: Findings, largest_nmse: float) -> None:
-    """Add errors of the coupling term."""
-    own = results.setting_fits("nmse_dominant", "test")
-    fits = results.fits[results.fits["person"].isin(results.people)]
-    fits = matching(fits, part="test", learned_from=SETTING, model=NETWORK)
-    find.exact("dominant_scenarios", len(own))
-    find.exact("nmse_dominant", fits["nmse_dominant"].mean(), len(own))
-    find.exact("nmse_without_dominant", fits.loc[fits["dominant"] == "", "nmse_across"].mean())
-    find.exact("nmse_along_x", fits["nmse_x"].mean(), len(fits))
-    for low_name, worse, column in (
-        ("low_errors", "rai_fits_worse", "nmse"),
-        ("low_dominant", "rai_dominant", "nmse_dominant"),
-    ):
-        errors = {words: results.setting_fits(column, part) for words, part in PARTS.items()}
-        low = {words: (its[NETWORK] <= largest_nmse).groupby(level="person") for words, its in errors.items()}
-        counts = {words: (by.sum().to_numpy(int), by.size().to_numpy(int)) for words, by in low.items()}
-        find.clustered_share(low_name, counts)
-        means = {words: its.groupby(level="person").mean() for words, its in errors.items()}
-        find.difference(worse, {words: (its[HUMAN_INSPIRED], its[NETWORK]) for words, its in means.items()})
-    find.mean("rai_across_settings", results.fit_by_person(HUMAN_INSPIRED))
-    per_shape = {shape: results.fit(NETWORK, shape, shape) for shape in SHAPES}
-    errors = {f"{shape}, {axis}": its[f"nmse_{axis}"] for shape, its in per_shape.items() for axis in "yz"}
-    find.mean("error_per_shape", errors)
-    for kind, word in ((NETWORK, "single"), (ENSEMBLE, "ensemble")):
-        apart, together = (results.fit_by_person(kind, every) for every in (False, True))
-        find.difference(f"{word}_of_all_shapes", together, apart)
-        for source in EVERY:
-            shapes = SHAPES if source == ALL else (source,)
-            worst = [results.fit(kind, source, shape)["nmse_worse"].mean() for shape in shapes]
-            find.exact(f"nmse_test_{'' if kind == NETWORK else 'ensemble_'}{source}", max(worst))
+def by_person(results: Results, quantity: str, form: Form, how: str = "sum", **keys: Any) -> pd.Series:
+    """A quantity (P,) of a kind of model with its rules, reduced over each person's obstacles and models."""
+    model, rules = form
+    return results.rows(quantity, model=model, rules=rules, **keys).groupby("person")["value"].agg(how)
 
 
-def _hits(results: ObstacleResults, find: Findings) -> None:
-    """Add hits of obstacles, and detours."""
-    hits, sizes = results.hits_by_person(TRAINED, AS_PUBLISHED, SETTING)
-    find.exact("reaches_hit_per_setting", hits.sum(), headline=True)
-    find.exact("networks_per_setting", sizes.sum())
-    find.clustered_share("hits_per_setting", hits, sizes)
-    rai = results.hits_by_person(TRAINED, (HUMAN_INSPIRED, PUBLISHED), SETTING)
-    find.clustered_share("hits_of_rai", *rai)
-    for form, word, sources in ((AS_PUBLISHED, "single_", SHAPES), (OURS, "", EVERY)):
-        for protocol, name in ((TRAINED, "per_shape"), (UNSEEN, "unseen")):
-            cases = {source: results.hits_by_person(protocol, form, source) for source in sources}
-            find.clustered_share(f"{word}hits_{name}", cases)
-    for protocol in SITUATIONS:
-        count = results.reached(protocol)["reaches"].sum()
-        find.exact(f"hits_{protocol}_baseline", results.hits(protocol), count, headline=protocol == UNSEEN)
-        find.exact(f"hits_all_shapes_{protocol}", results.hits(protocol, ENSEMBLE, ALL), count)
-        ours = results.reached(protocol, ENSEMBLE, ALL)  # the same number of reaches for each person
-        name, detour = f"detour_{protocol}_all_mean_m", ours["detour_m"].mean()
-        find.exact(name, detour, ours["reaches"].sum(), unit="m", headline=protocol == PAIR)
-    within = {}
-    for source in EVERY:
-        for form, word in ((OURS, ""), (AS_PUBLISHED, "_single")):
-            by_person, _ = results.hits_by_person(UNSEEN, form, source)
-            people, few = len(by_person), int((by_person <= FEW_HITS).sum())
-            stem, ours = f"hits_unseen_{source}{word}", form == OURS
-            find.exact(f"{stem}_worst_person", by_person.max(), people, headline=ours)
-            find.exact(f"{stem}_share_of_people_within_1", few / people, people, headline=ours)
-            if ours:  # describes these people only, so it has no interval
-                within[source] = Evidence(few / people, few / people, few / people, people, few)
-    find.add("people_within", within)
-    single, several = (
-        results.hits_by_person(UNSEEN, (kind, PUBLISHED), SHAPES) for kind in (NETWORK, ENSEMBLE)
+def counts(results: Results, protocol: str, form: Form = BARE, sources: Sources = "") -> pd.DataFrame:
+    """Numbers of `hits` and `reaches` by person, and of hits without avoidance, `bare`, in `of` reaches."""
+    its = partial(by_person, results, protocol=protocol)
+    table = {name: its(name, form, learned_from=sources) for name in ("hits", "reaches")}
+    return pd.DataFrame(table | {"bare": its("hits", BARE), "of": its("reaches", BARE)}).dropna().astype(int)
+
+
+def rate(*where: Any) -> pd.Series:
+    """Share of reaches that hit (P,), by person; arguments as of `counts`."""
+    its = counts(*where)
+    return its["hits"] / its["reaches"]
+
+
+def share(its: pd.DataFrame, comparisons: int = 1) -> Evidence:
+    """Share of reaches that hit, beside that without avoidance, from `counts`."""
+    return _beside_none(clustered_share(its["hits"], its["reaches"], comparisons), its)
+
+
+def number(its: pd.DataFrame, comparisons: int = 1) -> Evidence:
+    """Number of reaches that hit, for the statement that none does: exact, whatever the number of cases."""
+    return _beside_none(exact_count(its["hits"].sum(), its["reaches"].sum()), its)
+
+
+def _beside_none(found: Evidence, its: pd.DataFrame) -> Evidence:
+    return replace(found, remark=f"hit; {percent(its['bare'].sum(), its['of'].sum(), 1)} without avoidance")
+
+
+def pairs(first: pd.DataFrame, second: pd.DataFrame) -> pd.DataFrame:
+    """Two tables of `counts` side by side, of the people that both have."""
+    return first.join(second, lsuffix="_first", rsuffix="_second", how="inner")
+
+
+def points(its: pd.DataFrame, comparisons: int = 1) -> Evidence:
+    """Difference first minus second of shares in percentage points, from `pairs`."""
+    both = [(its[f"hits_{one}"].to_numpy(), its[f"reaches_{one}"].to_numpy()) for one in ("first", "second")]
+    return rate_difference(both[0], both[1], comparisons)
+
+
+def fraction(which: pd.Series, comparisons: int = 1) -> Evidence:
+    """Share of these people or scenarios for which something is true: exact."""
+    count, n = int(which.sum()), len(which)
+    return Evidence(count / n, count / n, count / n, n, count)
+
+
+def of_settings(results: Results, axis: str, part: str) -> pd.DataFrame:
+    """NMSE of models trained on one scenario: rows are scenarios with such models, columns models."""
+    rows = results.rows("nmse", axis=axis, part=part, learned_from=SETTING)
+    wide = rows.pivot_table("value", ["person", "obstacle", "setting"], "model")
+    return wide.reindex(columns=[NETWORK, HUMAN_INSPIRED]).dropna()
+
+
+def across(results: Results, kind: str, sources: Sources) -> pd.Series:
+    """Held-out NMSE over y and z (P,), mean over shapes, by person."""
+    rows = results.rows("nmse", axis="across", part="test", model=kind, learned_from=sources)
+    return rows.groupby("person")["value"].mean()
+
+
+def farthest(results: Results, form: Form, quantity: str = "goal_distance", **keys: Any) -> pd.Series:
+    """Largest distance (P,) from the goal in m, by person."""
+    return by_person(results, f"largest_{quantity}", form, "max", **keys)
+
+
+@finding(exact, headline=True)
+def people(results: Results) -> int:
+    """People that the findings are about."""
+    return int(results.table["person"].nunique())
+
+
+# --- per setting (IV.8.5) ----------------------------------------------------------------------------------
+
+
+@finding(number, headline=True)
+def hits_per_setting(results: Results) -> pd.DataFrame:
+    """Obstacles hit by networks trained on their setting."""
+    return counts(results, TRAINED, AS_PUBLISHED, SETTING)
+
+
+@finding(points, unit="percentage points")
+def rai_hits_more(results: Results) -> pd.DataFrame:
+    """Rate of hits of the model of Rai et al. minus that of networks, per setting."""
+    return pairs(*(counts(results, TRAINED, form, SETTING) for form in (RAI, AS_PUBLISHED)))
+
+
+@finding(maximum, unit="m")
+def converged(results: Results) -> dict[str, pd.Series]:
+    """Distance from the goal with networks at the prescribed time."""
+    where = {"per setting": (TRAINED, SETTING), "trained": (TRAINED, SHAPES), "unseen": (UNSEEN, SHAPES)}
+    return {
+        case: farthest(results, AS_PUBLISHED, protocol=protocol, learned_from=sources)
+        for case, (protocol, sources) in where.items()
+    }
+
+
+@finding(maximum, unit="m")
+def goal_of_rai(results: Results) -> pd.Series:
+    """The same with the model of Rai et al. per setting."""
+    return farthest(results, RAI, protocol=TRAINED, learned_from=SETTING)
+
+
+def like_people(results: Results, quantity: str) -> pd.Series:
+    """Mean of a quantity with networks per setting minus that of people in the same scenarios, by person."""
+    form, people = (
+        by_person(results, quantity, form, "mean", protocol=TRAINED, learned_from=SETTING)
+        for form in (AS_PUBLISHED, (DEMONSTRATED, ""))
     )
-    find.rate_difference("fewer_hits", single, several, unit="%")
-    detours = {source: results.reached(PAIR, ENSEMBLE, source)["detour_m"] for source in EVERY}
-    find.mean("detour_pair", detours, unit="m")
+    return form - people
 
 
-def _goals(results: ObstacleResults, find: Findings) -> None:
-    """Add goal distances: at the prescribed time, at 1.5 times it (late), and in between (excursion)."""
-    networks = results.reached(TRAINED, NETWORK, SETTING, PUBLISHED)
-    find.clustered_share("goal_of_network", networks["far"].to_numpy(), networks["reaches"].to_numpy())
-    rai = results.reached(TRAINED, HUMAN_INSPIRED, SETTING, PUBLISHED)
-    find.exact("goal_of_rai", rai["goal_distance_m"].max(), rai["reaches"].sum(), unit="m")
-    limited = results.by_person[results.by_person["rules"] == LIMITED]
-    count = limited["reaches"].sum()
-    for name in ("goal", "late_goal"):
-        find.exact(f"{name}_distance_max_m", limited[f"{name}_distance_m"].max(), count, unit="m")
-    goals = {"prescribed time": "goal_distance_m", "1.5 times it": "late_goal_distance_m"}
-    found = {words: (100 * limited[column].max(), count) for words, column in goals.items()}
-    find.exact("goal_with_limits", found, unit="cm")
-    between = limited.groupby("model").agg({"excursion_m": "max", "reaches": "sum"})
-    find.exact("excursions", 100 * between.loc[ENSEMBLE, "excursion_m"], between.loc[ENSEMBLE, "reaches"])
-    for kind in (NETWORK, ENSEMBLE):
-        find.exact(f"excursion_{kind}_max_m", *between.loc[kind], unit="m")
-    short = results.reached(GOAL_CHANGE)
-    left_mm = 1e3 * short["goal_distance_m"].max()
-    find.exact("short_of_moved_goal_mm", left_mm, short["reaches"].sum(), unit="mm")
-    per_setting = results.rows(TRAINED, NETWORK, SETTING)
-    for name, its in (("networks", per_setting), ("people", results.demonstrated)):
-        find.exact(f"distance_of_{name}_radii", its["obstacle_distance"].mean(), len(its))
-        find.exact(f"clearance_of_{name}_mm", 1e3 * its["clearance_m"].min(), len(its), unit="mm")
+@finding(mean, unit="radii")
+def distances_like_people(results: Results) -> pd.Series:
+    """Mean of the closest distances to obstacles."""
+    return like_people(results, "mean_distance")
+
+
+@finding(mean, unit="mm")
+def goals_like_people(results: Results) -> pd.Series:
+    """Mean distance from the goal."""
+    return 1e3 * like_people(results, "mean_goal_distance")
+
+
+def high(results: Results, axis: str) -> dict[str, tuple[int, int] | None]:
+    """Number of scenarios in which the network's NMSE is above the largest published, and of all."""
+    errors = {case: of_settings(results, axis, part)[NETWORK] for case, part in PARTS.items()}
+    low = read_published()["largest_nmse"]
+    return {case: (int((its > low).sum()), len(its)) if len(its) else None for case, its in errors.items()}
+
+
+for name, axis in (("high_errors", "all"), ("high_dominant", "dominant")):
+    finding(exact_count, name=name)(partial(high, axis=axis))
+
+
+def times_network(results: Results, axis: str) -> dict[str, pd.Series]:
+    """NMSE of the model of Rai et al. over the network's, geometric mean over scenarios, by person."""
+    errors = {case: of_settings(results, axis, part) for case, part in PARTS.items()}
+    ratios = {case: np.log(its[HUMAN_INSPIRED] / its[NETWORK]) for case, its in errors.items()}
+    return {case: np.exp(its.groupby("person").mean()) for case, its in ratios.items()}
+
+
+for name, axis in (("rai_fits_worse", "all"), ("rai_dominant", "dominant")):
+    finding(geometric_mean, unit="times the NMSE of the network", name=name)(
+        partial(times_network, axis=axis)
+    )
+
+
+@finding(exact)
+def dominant_scenarios(results: Results) -> int:
+    """Scenarios with a dominant axis of avoidance."""
+    return len(of_settings(results, "dominant", "test"))
+
+
+# --- across settings (IV.8.6) ------------------------------------------------------------------------------
+
+
+@finding(geometric_mean, unit="NMSE")
+def rai_across_settings(results: Results) -> pd.Series:
+    """Held-out NMSE of the model of Rai et al. per shape."""
+    return across(results, HUMAN_INSPIRED, SHAPES)
+
+
+@finding(geometric_mean, unit="NMSE")
+def error_per_shape(results: Results) -> dict[str, pd.Series]:
+    """Held-out NMSE of networks per shape."""
+    keys = {"model": NETWORK, "part": "test"}
+    return {
+        f"{shape}, {axis}": results.each("nmse", learned_from=shape, obstacle=shape, axis=axis, **keys)
+        for shape, axis in product(SHAPES, "yz")
+    }
+
+
+@finding(number)
+def single_hits_per_shape(results: Results) -> dict[str, pd.DataFrame]:
+    """Trained obstacles hit by networks per shape."""
+    return {shape: counts(results, TRAINED, AS_PUBLISHED, shape) for shape in SHAPES}
+
+
+def of_all_shapes(results: Results, kind: str) -> pd.Series:
+    """Held-out NMSE of a model of all shapes minus that of models per shape (P,)."""
+    return across(results, kind, ALL) - across(results, kind, SHAPES)
+
+
+for name, kind in (("single_of_all_shapes", NETWORK), ("ensemble_of_all_shapes", ENSEMBLE)):
+    finding(mean, unit="higher NMSE", name=name)(partial(of_all_shapes, kind=kind))
+
+
+@finding(points, unit="percentage points")
+def hits_of_all_shapes(results: Results) -> pd.DataFrame:
+    """Rate of trained obstacles hit by a network of all shapes minus that of networks per shape."""
+    return pairs(*(counts(results, TRAINED, AS_PUBLISHED, sources) for sources in (ALL, SHAPES)))
+
+
+@finding(mean, unit="percentage points")
+def hits_of_pairs(results: Results) -> pd.Series:
+    """Hits past two spheres minus hits past one, each over the hits without avoidance."""
+    form = NETWORK, LIMITED
+    pair, single = (rate(results, one, form, SHAPES) / rate(results, one) for one in (PAIR, UNSEEN))
+    return 100.0 * (pair - single)
+
+
+@finding(share)
+def hits_per_shape(results: Results) -> dict[str, pd.DataFrame]:
+    """Trained obstacles hit by ensembles."""
+    return {source: counts(results, TRAINED, OURS, source) for source in EVERY}
+
+
+# --- unseen spheres (IV.8.7), and situations that are not in the dissertation ------------------------------
+
+
+@finding(share, headline=True)
+def single_hits_unseen(results: Results) -> pd.DataFrame:
+    """Unseen spheres hit by networks per shape, mean over shapes."""
+    return counts(results, UNSEEN, AS_PUBLISHED, SHAPES)
+
+
+@finding(points, unit="percentage points")
+def unseen_against_none(results: Results) -> pd.DataFrame:
+    """Rate of unseen spheres hit without avoidance minus that with networks per shape."""
+    return pairs(counts(results, UNSEEN), counts(results, UNSEEN, AS_PUBLISHED, SHAPES))
+
+
+@finding(share, headline=True)
+def hits_unseen(results: Results) -> dict[str, pd.DataFrame]:
+    """Unseen spheres hit by ensembles."""
+    return {source: counts(results, UNSEEN, OURS, source) for source in EVERY}
+
+
+@finding(fraction)
+def people_within(results: Results) -> dict[str, pd.Series]:
+    """People whose ensemble hits few unseen spheres."""
+    return {source: counts(results, UNSEEN, OURS, source)["hits"] <= FEW_HITS for source in EVERY}
+
+
+@finding(points, unit="percentage points")
+def fewer_hits(results: Results) -> pd.DataFrame:
+    """Rate of unseen spheres hit by networks per shape minus that of ensembles, with the published rules."""
+    return pairs(*(counts(results, UNSEEN, (kind, PUBLISHED), SHAPES) for kind in (NETWORK, ENSEMBLE)))
+
+
+@finding(number, headline=[UNSEEN])
+def hits_without(results: Results) -> dict[str, pd.DataFrame]:
+    """Hits without avoidance, by situation."""
+    return {one: counts(results, one) for one in SITUATIONS}
+
+
+@finding(mean, unit="m", headline=[ALL])
+def detour_pair(results: Results) -> dict[str, pd.Series]:
+    """Largest distance from the path without avoidance, mean over an ensemble's reaches past two spheres."""
+    mean_detours = partial(by_person, results, "mean_detour", OURS, protocol=PAIR)
+    return {source: mean_detours(learned_from=source) for source in EVERY}
+
+
+@finding(maximum, unit="cm")
+def goal_with_limits(results: Results) -> dict[str, pd.Series]:
+    """Distance from the goal of all models with limits."""
+    cases = {"prescribed time": "largest_goal_distance", "1.5 times it": "largest_late_goal_distance"}
+    rows = {case: results.rows(quantity, rules=LIMITED) for case, quantity in cases.items()}
+    return {case: 100 * its.groupby("person")["value"].max() for case, its in rows.items()}
+
+
+@finding(maximum, unit="cm")
+def excursions(results: Results) -> pd.Series:
+    """Distance from the goal after the prescribed time with ensembles."""
+    return 100 * farthest(results, OURS, "excursion")
