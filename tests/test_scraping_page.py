@@ -243,7 +243,7 @@ def test_the_share_left_is_the_geometric_mean_of_the_least_clear_tilt():
     assert found.n == 400
     np.testing.assert_allclose(found.value, np.exp(np.log(less).mean()))
     wider = own.share_left([clear, less], comparisons=12)
-    assert wider.low < found.low < found.high < wider.high
+    assert wider.low < found.low < found.high == wider.high  # "no" takes more, "yes" does not
 
 
 def test_the_dissertation_s_claims_are_decided_by_its_own_form():

@@ -29,7 +29,7 @@ from dissertation.scraping.page.tables import (
 from dissertation.scraping.protocol.execution_scores import AFTER, BEFORE, NOMINAL
 from dissertation.scraping.protocol.feedback_models import LEVEL, POINTWISE, REPRESENTATIONS, UNROLLED
 from dissertation.scraping.protocol.sample_efficiency import CMA_ES, PI2
-from structlearn.reporting.evidence import UNKNOWN, Evidence, difference, mean
+from structlearn.reporting.evidence import UNKNOWN, Evidence, difference, geometric_mean, largest
 from structlearn.reporting.findings import Findings
 from structlearn.reporting.prose import level_name
 from structlearn.segmentation.alignment import METHODS, RESULT
@@ -390,8 +390,5 @@ def weakest(found: Iterable[Evidence]) -> Evidence:
 
 
 def share_left(ratios: Sequence[Numbers], comparisons: int = 1) -> Evidence:
-    """Geometric mean over people of cost ratios (P,); of several, the one least clearly below 1."""
-    logs = [[None if one is None else -np.log(one)] for one in ratios]
-    saved = least_clear(mean, logs, comparisons)
-    value, low, high = (float(np.exp(-one)) for one in (saved.value, saved.high, saved.low))
-    return Evidence(value, low, high, saved.n)
+    """Geometric mean over people of cost ratios (P,); of several, the largest."""
+    return largest(UNKNOWN if one is None else geometric_mean(one, comparisons) for one in ratios)
