@@ -29,20 +29,16 @@ from reporting_feedback import PRIMITIVES, feedback_stages, people
 from reporting_refinement import refinement_stages, stored
 from reporting_scraping import PARAMETERS, demonstration
 from test_obstacles_page import results as obstacles_results  # noqa: F401 a fixture
-from test_servoing_page import results as servoing_results  # noqa: F401 a fixture
 
 from dissertation.dynamics.page.findings import findings as dynamics_findings
 from dissertation.dynamics.protocol.trainings import OURS, PUBLISHED
 from dissertation.evidence.claims import NO, Claim, read_claims
-from dissertation.evidence.studies import OURS as STUDIED
-from dissertation.evidence.studies import Study
 from dissertation.obstacles.page.findings import findings as obstacles_findings
 from dissertation.obstacles.page.findings import read_published as obstacles_published
 from dissertation.recorded.calibration.calibration_section import find_calibration
 from dissertation.recorded.coupling.page import representation_findings
 from dissertation.scraping.page import findings as scraping
 from dissertation.scraping.page.findings import ScrapingPeople
-from dissertation.servoing.page import findings as servoing_findings
 from structlearn.reporting.evidence import Evidence, Found
 from structlearn.reporting.findings import Findings
 from structlearn.segmentation.cut_errors import downsampling_effect
@@ -92,29 +88,6 @@ def dynamics() -> list[Any]:
     learned = scores[~scores["model"].isin(there)].assign(form=PUBLISHED)
     met = replace(made, scores=pd.concat([made.scores, learned]), outcomes=made.outcomes.assign(met=True))
     return [met, made]
-
-
-def servoing(results: Any) -> list[Any]:
-    """Published controllers that work, on all skins, and a study of people."""
-    table = pd.DataFrame({"variant": STUDIED, "cell": range(4)})
-    keys = list(servoing_findings.findings(results).numbers())
-    numbers = pd.DataFrame({key: 0.9 + 0.1 * test_servoing_page.WOBBLE for key in keys})
-    study = Study({"findings": pd.concat([table, numbers], axis=1)})
-    every = {one: 12 for one in test_servoing_page.variants(3)}
-    working = replace(
-        results,
-        loops=test_servoing_page.comparison(every),
-        skin_tables=test_servoing_page.skin_tables(published=12, ours=12),
-        study=study,
-    )
-    return [working, results]
-
-
-def over_people(results: Any) -> Findings:
-    """What is found over people, on which all claims rest."""
-    find = Findings()
-    servoing_findings.over_people(find, results)
-    return find
 
 
 def segmentation_of_people(results: Any) -> Findings:
@@ -182,7 +155,12 @@ PAGES = {
         lambda get: [get("obstacles_results")],
         partial(obstacles_findings, published=obstacles_published()),
     ),
-    "servoing": Page(of_package("servoing.page"), lambda get: servoing(get("servoing_results")), over_people),
+    "servoing": Page(
+        of_package("servoing.page"),
+        lambda get: [test_servoing_page.people(test_servoing_page.WORKS, test_servoing_page.WORKS)],
+        test_servoing_page.found,
+        known=lambda: {"": {"steps"}},
+    ),
     "segmentation": Page(
         of_package(SCRAPING, "segmentation_claims.yaml"),
         lambda get: [stored()],

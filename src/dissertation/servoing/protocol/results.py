@@ -1,0 +1,106 @@
+"""Results of the servoing testbed: one value per person, see `dissertation.evidence.results`.
+
+Errors are means over the seeds of a person's models, on test contacts unless `split` says otherwise; numbers
+of targets are sums over these models. Quantities:
+
+    reconstruction_nmse, worst_electrode_nmse, distances_nmse, pressure_nmse
+                     of a latent `space`, by `split`
+    prediction_nmse  of chained predictions, by forward `model`, `loss` trained with, `steps` and `part`: of
+                     the latent state (`latent`; `plane`, its first two numbers, and `third`), or decoded
+                     (`pressure`, `electrodes`)
+    cosine_distance  between an action and that of an inverse `model`, by `target`: the latent state that
+                     `followed` or that was `predicted`; `agreement` compares the actions for both
+    reached, trials  numbers of targets, by `controller`, inverse `model`, `change`, `skin` and kind of
+                     `target`; `steps`: its horizon
+    lost             of these trials: number in which the contact was lifted or left the skin
+"""
+
+from collections.abc import Iterator, Mapping, Sequence
+
+import pandas as pd
+
+from dissertation.evidence.results import joined_results, long_table
+from dissertation.servoing.protocol.servo_variants import SPACES, Variant
+from structlearn.tactile.latent_parameters import NO_INVERSE
+
+WORDS = ("skin", "space", "model", "loss", "controller", "change", "split", "part", "target")
+KEYS: dict[str, type] = {"person": int, "steps": float} | dict.fromkeys(WORDS, str)
+
+STRUCTURED = SPACES[True]
+TARGETS = {"encoder": "followed", "forward": "predicted", "agreement": "agreement"}
+ALL = "all"  # kinds of targets in closed loop
+OWN = "own"  # skin that was demonstrated on first; others have their names
+
+TRAINED, SERVOED = "servoing_train_latent", "servoing_servo"  # stages
+
+
+NAMES = {"form": "controller", "horizon": "steps", "forward": "model", "inverse": "model"}
+NAMES |= {"trained_with": "loss", "comparison": "target", "motion": "target"}
+"""Keys by the column of the evaluating stages' tables."""
+
+
+def servoing_results(
+    person: int, models: Mapping[str, pd.DataFrame], loops: Mapping[str, pd.DataFrame]
+) -> pd.DataFrame:
+    """Table of results of one person.
+
+    `models`: tables of `tactile.latent_comparison.LatentComparison`; `loops`: `trials` of
+    `protocol.servo_trials.compare`, and `other_skins`, the same with a column `skin`.
+    """
+    trials = pd.concat([loops["trials"].assign(skin=OWN), loops["other_skins"]], ignore_index=True)
+    parts = [*_of_models(models), *_of_loops(trials)]
+    return joined_results([part.assign(person=person) for part in parts], KEYS)
+
+
+def keyed(table: pd.DataFrame) -> pd.DataFrame:
+    """A table of the evaluating stages with the columns and values of the table of results."""
+    table = table.assign(space=table["structure"].map(SPACES)).drop(columns="structure")
+    if "with_loss" in table:
+        table = table.assign(loss=table["inverse"].where(table["with_loss"], NO_INVERSE))
+    if "comparison" in table:
+        table = table.assign(comparison=table["comparison"].map(TARGETS))
+    return table.rename(columns=NAMES)
+
+
+def controller_keys(variant: Variant) -> dict[str, object]:
+    """Keys of a controller in the table of results."""
+    return {
+        "controller": variant.form,
+        "model": variant.inverse,
+        "space": SPACES[variant.structure],
+        "loss": variant.inverse if variant.with_loss else NO_INVERSE,
+        "steps": variant.horizon,
+        "change": variant.change,
+    }
+
+
+def prediction_errors(models: Mapping[str, pd.DataFrame]) -> pd.DataFrame:
+    """NMSE of chained predictions by seed, with a column for every `part`."""
+    keys = ["structure", "seed", "forward", "trained_with", "steps"]
+    return keyed(models["forward"].merge(models["decoded"], on=keys).rename(columns={"nmse": "latent"}))
+
+
+def counts(trials: pd.DataFrame, by: Sequence[str]) -> pd.DataFrame:
+    """Numbers of targets `reached`, of `trials`, and of trials that `lost` the contact, by some keys."""
+    lost = trials["lifted"] | trials["off_skin"]
+    counted = keyed(trials).assign(reached=trials["success"], trials=1, lost=lost)
+    return counted.groupby(list(by), sort=False)[["reached", "trials", "lost"]].sum()
+
+
+def _of_models(models: Mapping[str, pd.DataFrame]) -> Iterator[pd.DataFrame]:
+    spaces = keyed(models["latent"]).groupby(["space", "split"], sort=False).mean().drop(columns="seed")
+    for name in spaces:
+        yield long_table(TRAINED, f"{name}_nmse", spaces[name])
+    errors = prediction_errors(models).groupby(["space", "model", "loss", "steps"], sort=False).mean()
+    for part in errors.columns.drop("seed"):
+        yield long_table(TRAINED, "prediction_nmse", errors[part], part=part)
+    directions = keyed(models["directions"]).groupby(["space", "model", "loss", "target"], sort=False)
+    yield long_table(TRAINED, "cosine_distance", directions["distance"].mean())
+
+
+def _of_loops(trials: pd.DataFrame) -> Iterator[pd.DataFrame]:
+    keys = ["skin", *controller_keys(Variant("", "NJ"))]
+    whole, by_kind = counts(trials, keys), counts(trials, [*keys, "target"])
+    for name in whole:
+        yield long_table(SERVOED, name, whole[name], "targets", target=ALL)
+        yield long_table(SERVOED, name, by_kind[name], "targets")
