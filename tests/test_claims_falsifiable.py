@@ -157,9 +157,12 @@ PAGES = {
     ),
     "servoing": Page(
         of_package("servoing.page"),
-        lambda get: [test_servoing_page.people(test_servoing_page.WORKS, test_servoing_page.WORKS)],
-        test_servoing_page.found,
-        known=lambda: {"": {"steps"}},
+        lambda get: [
+            {"results": test_servoing_page.people(reached)}
+            for reached in (test_servoing_page.CRITICAL, test_servoing_page.HARMFUL)
+        ],
+        lambda its: test_servoing_page.found(its["results"]),
+        known=lambda: {"results": {"steps"}},
     ),
     "segmentation": Page(
         of_package(SCRAPING, "segmentation_claims.yaml"),
@@ -331,7 +334,7 @@ def search(page: Page, results: Any, left: set[Case]) -> None:
         try:
             with np.errstate(all="ignore"):
                 its = found_for(page, page.evidence(with_tables(results, changed)))
-        except (KeyError, ValueError, IndexError, ZeroDivisionError):
+        except (KeyError, ValueError, IndexError, ZeroDivisionError, OverflowError):
             return {}  # nobody can have measured such tables
         for claim in page.claims:
             own = {key: one for key, one in its.items() if key[0] == claim.evidence}

@@ -2,6 +2,7 @@
 
 from dissertation.servoing import files
 from dissertation.servoing.protocol.results import servoing_results
+from dissertation.servoing.protocol.servo_variants import ServoTrialParameters
 from dissertation.simulation.touch_demonstrator import ToucherParameters
 from structlearn.core.artefacts import write_table
 from structlearn.core.stage import run, stage_parameters
@@ -9,7 +10,8 @@ from structlearn.core.stage import run, stage_parameters
 
 def main() -> None:
     person = stage_parameters("toucher", ToucherParameters).seed
-    results = servoing_results(person, files.tables("models"), files.tables("loops"))
+    tolerated_mm = stage_parameters("servo", ServoTrialParameters).tolerance.position_mm
+    results = servoing_results(person, tolerated_mm, files.tables("models"), files.tables("loops"))
     write_table(results, "data/results/servoing.parquet")
 
 

@@ -267,7 +267,7 @@ def _success(shown: Shown, form: str) -> Figure:
     def share(structure: bool, name: InverseModel, loss: str) -> Evidence:
         variant = Variant(form, name, structure, loss == name)
         its = shown.reached.loc[tuple(controller_keys(variant).values())]
-        found = clustered_share(its["reached"].to_numpy(), its["trials"].to_numpy())
+        found = clustered_share(*its.to_numpy().T)
         return replace(found, value=100 * found.value, low=100 * found.low, high=100 * found.high)
 
     groups = {name: partial(share, structure) for structure, name in SPACES.items()}

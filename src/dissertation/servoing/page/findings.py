@@ -116,12 +116,12 @@ def people_mds_nmse(results: Results) -> dict[str, pd.Series]:
     return {split: results.each("distances_nmse", space=STRUCTURED, split=split) for split in SPLITS}
 
 
-@finding(geometric_mean, unit="NMSE", headline=("latent, structure",))
+@finding(geometric_mean, unit="NMSE", headline=("latent with structure",))
 def people_prediction_nmse(results: Results) -> dict[str, pd.Series]:
     """Predictions of NL trained with NJ's loss."""
     parts = ("latent", "plane", "third", "pressure", "electrodes")
     return {
-        f"{part}, {space}": predicted(results, ("NL", "NJ"), space, part=part)
+        f"{part} with {space}": predicted(results, ("NL", "NJ"), space, part=part)
         for part in parts
         for space in SPACES.values()
     }
@@ -236,14 +236,19 @@ for skin in OTHER_SKINS:
     rates(f"{RATE}_{skin}_published", AS_PUBLISHED, skin=skin)
 
 
-def by_kind(results: Results, variant: Variant, kinds: tuple[str, ...]) -> dict[str, pd.DataFrame]:
+def by_kind(
+    results: Results, variant: Variant, kinds: tuple[str, ...], quantity: str = "reached"
+) -> dict[str, pd.DataFrame]:
     """Targets of a controller by kind."""
-    return {kind: targets(results, variant, target=kind) for kind in kinds}
+    return {kind: targets(results, variant, target=kind, quantity=quantity) for kind in kinds}
 
 
 SHOWN_KINDS = ("rotation", "translation")  # of targets in figure II.6
 finding(share, name="kinds_published")(partial(by_kind, variant=AS_PUBLISHED, kinds=SHOWN_KINDS))
 finding(share, name="mixed_published")(partial(targets, variant=AS_PUBLISHED, target="mixed"))
+finding(share, name="near_published")(
+    partial(by_kind, variant=AS_PUBLISHED, kinds=SHOWN_KINDS, quantity="near")
+)
 finding(share, name="kinds")(partial(by_kind, variant=OURS, kinds=(*SHOWN_KINDS, "mixed")))
 
 

@@ -9,7 +9,7 @@ import numpy as np
 import pandas as pd
 
 from dissertation.servoing import names
-from dissertation.servoing.protocol.results import OWN, controller_keys, counts, keyed, prediction_errors
+from dissertation.servoing.protocol.results import OWN, controller_keys, keyed, prediction_errors
 from structlearn.tactile.electrodes import SKINS, Skin, align_map
 from structlearn.tactile.touch_dataset import TEST, TEST_STRIDE, Chains, TouchDataset, chains
 
@@ -66,8 +66,9 @@ class Shown:
 
     @cached_property
     def reached(self) -> pd.DataFrame:
-        """Numbers of targets with the first skin: rows by the keys of a controller, and `seed`."""
-        return counts(self.loops["trials"], [*controller_keys(names.OURS), "seed"])
+        """Targets with the first skin, `sum` reached of `size`: rows by a controller's keys, and `seed`."""
+        groups = keyed(self.loops["trials"]).groupby([*controller_keys(names.OURS), "seed"])
+        return groups["success"].agg(["sum", "size"])
 
     @cached_property
     def pairs(self) -> int:

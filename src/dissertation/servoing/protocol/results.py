@@ -12,10 +12,11 @@ of targets are sums over these models. Quantities:
                      `followed` or that was `predicted`; `agreement` compares the actions for both
     reached, trials  numbers of targets, by `controller`, inverse `model`, `change`, `skin` and kind of
                      `target`; `steps`: its horizon
-    lost             of these trials: number in which the contact was lifted or left the skin
+    near, lost       of these trials: number in which the contact ended within the tolerated distance,
+                     whatever the pressure; and in which it was lifted or left the skin
 """
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping
 
 import pandas as pd
 
@@ -40,15 +41,15 @@ NAMES |= {"trained_with": "loss", "comparison": "target", "motion": "target"}
 
 
 def servoing_results(
-    person: int, models: Mapping[str, pd.DataFrame], loops: Mapping[str, pd.DataFrame]
+    person: int, tolerated_mm: float, models: Mapping[str, pd.DataFrame], loops: Mapping[str, pd.DataFrame]
 ) -> pd.DataFrame:
-    """Table of results of one person.
+    """Table of results of one person, with a tolerated distance from targets.
 
     `models`: tables of `tactile.latent_comparison.LatentComparison`; `loops`: `trials` of
     `protocol.servo_trials.compare`, and `other_skins`, the same with a column `skin`.
     """
     trials = pd.concat([loops["trials"].assign(skin=OWN), loops["other_skins"]], ignore_index=True)
-    parts = [*_of_models(models), *_of_loops(trials)]
+    parts = [*_of_models(models), *_of_loops(trials.assign(near=trials["position_error_mm"] <= tolerated_mm))]
     return joined_results([part.assign(person=person) for part in parts], KEYS)
 
 
@@ -80,13 +81,6 @@ def prediction_errors(models: Mapping[str, pd.DataFrame]) -> pd.DataFrame:
     return keyed(models["forward"].merge(models["decoded"], on=keys).rename(columns={"nmse": "latent"}))
 
 
-def counts(trials: pd.DataFrame, by: Sequence[str]) -> pd.DataFrame:
-    """Numbers of targets `reached`, of `trials`, and of trials that `lost` the contact, by some keys."""
-    lost = trials["lifted"] | trials["off_skin"]
-    counted = keyed(trials).assign(reached=trials["success"], trials=1, lost=lost)
-    return counted.groupby(list(by), sort=False)[["reached", "trials", "lost"]].sum()
-
-
 def _of_models(models: Mapping[str, pd.DataFrame]) -> Iterator[pd.DataFrame]:
     spaces = keyed(models["latent"]).groupby(["space", "split"], sort=False).mean().drop(columns="seed")
     for name in spaces:
@@ -100,7 +94,9 @@ def _of_models(models: Mapping[str, pd.DataFrame]) -> Iterator[pd.DataFrame]:
 
 def _of_loops(trials: pd.DataFrame) -> Iterator[pd.DataFrame]:
     keys = ["skin", *controller_keys(Variant("", "NJ"))]
-    whole, by_kind = counts(trials, keys), counts(trials, [*keys, "target"])
-    for name in whole:
-        yield long_table(SERVOED, name, whole[name], "targets", target=ALL)
-        yield long_table(SERVOED, name, by_kind[name], "targets")
+    lost = trials["lifted"] | trials["off_skin"]
+    counted = keyed(trials).assign(reached=trials["success"], trials=1, lost=lost)
+    for name in ("reached", "trials", "near", "lost"):
+        whole, by_kind = (counted.groupby(by, sort=False)[name].sum() for by in (keys, [*keys, "target"]))
+        yield long_table(SERVOED, name, whole, "targets", target=ALL)
+        yield long_table(SERVOED, name, by_kind, "targets")
