@@ -30,19 +30,15 @@ from reporting_refinement import refinement_stages, stored
 from reporting_scraping import PARAMETERS, demonstration
 from test_obstacles_page import find as obstacles_findings
 from test_obstacles_page import results as obstacles_results  # noqa: F401 a fixture
-from test_servoing_page import results as servoing_results  # noqa: F401 a fixture
 
 from dissertation.dynamics.page.findings import findings as dynamics_findings
 from dissertation.dynamics.protocol.trainings import OURS, PUBLISHED
 from dissertation.evidence.claims import NO, Claim, read_claims
-from dissertation.evidence.studies import OURS as STUDIED
-from dissertation.evidence.studies import Study
 from dissertation.recorded.calibration.calibration_section import find_calibration
 from dissertation.recorded.coupling.page import representation_findings
 from dissertation.scraping.page import findings as scraping
 from dissertation.scraping.page.findings import ScrapingPeople
 from dissertation.scraping.protocol.cut_sweep import downsampling_effect
-from dissertation.servoing.page import findings as servoing_findings
 from structlearn.reporting.evidence import Evidence, Found
 from structlearn.reporting.findings import Findings
 from structlearn.tasks.motion.motion_results import MotionResults, motion_findings
@@ -91,30 +87,6 @@ def dynamics() -> list[Any]:
     learned = scores[~scores["model"].isin(there)].assign(form=PUBLISHED)
     met = replace(made, scores=pd.concat([made.scores, learned]), outcomes=made.outcomes.assign(met=True))
     return [met, made]
-
-
-def servoing(results: Any) -> list[Any]:
-    """Published controllers that work, on all skins, but lose the contact; and a study of people."""
-    wobble = np.tile(test_servoing_page.WOBBLE, 3)
-    table = pd.DataFrame({"variant": STUDIED, "cell": range(len(wobble))})
-    keys = list(servoing_findings.findings(results).numbers())
-    numbers = pd.DataFrame({key: (10.0 if "lost" in key else 0.9) + 0.1 * wobble for key in keys})
-    study = Study({"findings": pd.concat([table, numbers], axis=1)})
-    every = {one: 12 for one in test_servoing_page.variants(3)}
-    working = replace(
-        results,
-        loops=test_servoing_page.comparison(every),
-        skin_tables=test_servoing_page.skin_tables(published=12, ours=12),
-        study=study,
-    )
-    return [working, results]
-
-
-def over_people(results: Any) -> Findings:
-    """What is found over people, on which all claims rest."""
-    find = Findings()
-    servoing_findings.over_people(find, results)
-    return find
 
 
 def segmentation_of_people(results: Any) -> Findings:
@@ -182,7 +154,15 @@ PAGES = {
         lambda get: [get("obstacles_results")],
         obstacles_findings,
     ),
-    "servoing": Page(of_package("servoing.page"), lambda get: servoing(get("servoing_results")), over_people),
+    "servoing": Page(
+        of_package("servoing.page"),
+        lambda get: [
+            {"results": test_servoing_page.people(reached)}
+            for reached in (test_servoing_page.CRITICAL, test_servoing_page.HARMFUL)
+        ],
+        lambda its: test_servoing_page.found(its["results"]),
+        known=lambda: {"results": {"steps"}},
+    ),
     "segmentation": Page(
         of_package(SCRAPING, "segmentation_claims.yaml"),
         lambda get: [stored()],
@@ -353,7 +333,7 @@ def search(page: Page, results: Any, left: set[Case]) -> None:
         try:
             with np.errstate(all="ignore"):
                 its = found_for(page, page.evidence(with_tables(results, changed)))
-        except (KeyError, ValueError, IndexError, ZeroDivisionError):
+        except (KeyError, ValueError, IndexError, ZeroDivisionError, OverflowError):
             return {}  # nobody can have measured such tables
         for claim in page.claims:
             own = {key: one for key, one in its.items() if key[0] == claim.evidence}

@@ -23,8 +23,9 @@ was changed. A finding without such rows shows this run's person, which decides 
 number, which was found with other parameters.
 """
 
-from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
+from collections.abc import Callable, Collection, Hashable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from functools import cached_property
 from pathlib import Path
 from typing import Any
 
@@ -79,13 +80,20 @@ class Results:
 
     def rows(self, quantity: str, **keys: object) -> pd.DataFrame:
         """Rows of a quantity of the population; of keys with a list or tuple, all its values."""
-        chosen = self.table["quantity"] == quantity
+        rows = self._of_population.get(quantity, self.table[:0])
+        chosen = np.ones(len(rows), bool)
         for name, wanted in keys.items():
-            column = self.table[name]
-            chosen &= column.isin(wanted) if isinstance(wanted, list | tuple) else column == wanted
+            several = isinstance(wanted, list | tuple)
+            chosen &= rows[name].isin(wanted) if several else rows[name].to_numpy(object) == wanted
+        return rows[chosen]
+
+    @cached_property
+    def _of_population(self) -> dict[Hashable, pd.DataFrame]:
+        """Rows of the population by quantity."""
+        chosen = self.table
         if self.population is not None:
-            chosen &= self.table[self.who].isin(list(self.population))
-        return self.table[chosen]
+            chosen = chosen[chosen[self.who].isin(list(self.population))]
+        return dict(iter(chosen.groupby("quantity", sort=False)))
 
     def each(self, quantity: str, **keys: object) -> pd.Series:
         """One value per person, indexed by person; empty if it was not run.
@@ -266,13 +274,11 @@ def _tested(found: Found) -> bool:
 
 
 def _of_one(found: Found) -> Found:
-    """Evidence of one person, which decides nothing."""
+    """Evidence of one person, which decides nothing; a share keeps its trials as n."""
     if isinstance(found, Evidence):
-        return replace(found, low=-np.inf, high=np.inf, widened=None, n=min(found.n, 1), remark="one person")
-    return {
-        case: replace(one, low=-np.inf, high=np.inf, widened=None, n=min(one.n, 1), remark="one person")
-        for case, one in found.items()
-    }
+        n = found.n if found.people else min(found.n, 1)
+        return replace(found, low=-np.inf, high=np.inf, widened=None, n=n, remark="one person")
+    return {case: _of_one(one) for case, one in found.items()}  # type: ignore[misc]
 
 
 def _beside(found: Found, other: Found, unit: str) -> Found:
