@@ -14,7 +14,7 @@ import pandas as pd
 from dissertation.dynamics.names import FORM_TITLES, IDEAL, REACH, ROBOT, SINE
 from dissertation.dynamics.page.findings import RIVALS, published
 from dissertation.dynamics.protocol.results import CONDITIONS, SETTLED_SHARE, STOPPED_NMSE
-from dissertation.dynamics.protocol.training_choice import TABLE, mean_epochs
+from dissertation.dynamics.protocol.training_choice import TABLE, choose, mean_scores
 from dissertation.dynamics.protocol.trainings import CHOSEN, FORMS
 from dissertation.dynamics.protocol.truth import FRICTION_MODELS
 from dissertation.dynamics.world.controlled_arm import OVERSPEED
@@ -151,7 +151,7 @@ def _scores(results: Results, arm: str) -> Table:
         results.rows(name, arm=arm).groupby(["model", "form"])["value"] for name in ("stopped", "nmse")
     )
     columns = {
-        name: results.wide(quantity, ["model", "form"], arm=arm, task=task)
+        name: [results.wide(one, ["model", "form"], arm=arm, task=task) for one in (quantity, "stopped")]
         for name, (task, quantity, _) in SCORES.items()
     }
     counts, halted, errors, epochs = stopped.size(), stopped.sum(), nmse.mean(), _epochs_text(results, arm)
@@ -170,7 +170,7 @@ def _scores(results: Results, arm: str) -> Table:
             row = {"model": name, "source": FORM_TITLES[form].lower() if form else "here"}
             row |= {"epochs": epochs.get(key, ""), "nmse": f"{errors.get(key, np.nan):.3f}"}
             for column, its in columns.items():
-                row[column] = _score(its[key], halted[key] == counts[key]) if key in its else "not tested"
+                row[column] = _score(*(one[key] for one in its)) if key in its[0] else "not tested"
             rows.append(row | {"stopped": f"{halted.get(key, 0):.0f} of {counts.get(key, 0)}"})
     frame = pd.DataFrame(rows)[["model", "source", "epochs", "nmse", *SCORES, "stopped"]]
     frame = frame.drop(columns="nmse") if arm == IDEAL else frame
@@ -178,9 +178,9 @@ def _scores(results: Results, arm: str) -> Table:
     return Table(frame, {}, headings, frozenset(np.flatnonzero(frame["source"] != PRINTED).tolist()))
 
 
-def _score(scores: pd.Series, unstable: bool) -> str:
+def _score(scores: pd.Series, stopped: pd.Series) -> str:
     """Mean and standard deviation as text."""
-    return "unstable" if unstable else _spread(scores.dropna(), ".3f")
+    return "unstable" if (stopped.dropna() == 1.0).all() else _spread(scores.dropna(), ".3f")
 
 
 def _epochs_text(results: Results, arm: str) -> dict[tuple[str, str], str]:
@@ -232,18 +232,15 @@ def _online(results: Results) -> Table:
 
 def _choice(table: pd.DataFrame) -> Table:
     """Chosen training by `model`, its `epochs` on the tuning motion, and the fewest with the `raw` loss."""
-    means = mean_epochs(table)
-    best = means.groupby("model").idxmin()
-    columns = {
-        "loss": best.map(lambda key: key[1]),
-        "batch": best.map(lambda key: key[2]),
-        "rate": best.map(lambda key: f"{key[3]:g}"),
-        "epochs": means.groupby("model").min(),
-        "raw": means.xs("raw", level="loss").groupby("model").min(),
+    means = mean_scores(table)["epochs"]
+    columns: dict[str, pd.Series] = {
+        name: pd.Series({model: getattr(its, name) for model, its in choose(table).items()})
+        for name in ("loss", "batch", "rate")
     }
-    its = _by_model(columns)
-    headings = {"raw": "with the raw loss at best", "epochs": "epochs of 60 s"}
-    return Table(its.frame, {"epochs": ".1f", "raw": ".1f"}, headings)
+    raw = means.xs("raw", level="loss")
+    columns |= {"epochs": means.groupby("model").min(), "raw": raw.groupby("model").min()}
+    headings = {"epochs": "epochs of 60 s", "raw": "with the raw loss at best"}
+    return Table(_by_model(columns).frame, {"rate": "g", "epochs": ".1f", "raw": ".1f"}, headings)
 
 
 def _bodies(links: pd.DataFrame) -> Table:
