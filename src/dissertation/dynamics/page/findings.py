@@ -84,7 +84,7 @@ def over(scores: pd.DataFrame, models: Sequence[str], references: Sequence[str])
 # --- the arm as in its URDF ---
 
 
-@by_form(SEEDS, geometric_mean, unit="epochs", headline=True)
+@by_form(SEEDS, geometric_mean, unit="epochs", headline=("SPD", "Cov"))
 def epochs(results: Results, form: Form) -> Any:
     """Epochs until every joint meets the criterion, at most the limit (table III.1)."""
     return named(results.wide("epochs", "model", **SIMULATED, form=form), STRICT)
