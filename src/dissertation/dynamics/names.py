@@ -4,6 +4,7 @@ Display names of the models are in `rigid_body.model_names`. The colours are dis
 white background and on the viewer's dark one.
 """
 
+from collections.abc import Mapping
 from typing import Any
 
 from dissertation.dynamics.protocol.trainings import CHOSEN, PLAIN
@@ -14,7 +15,7 @@ SINE, REACH = "sine", "reach"  # tasks
 SHOWN_TRAINING = CHOSEN  # training form of the models in pictures
 
 ROBOT_TITLES = {IDEAL: "Arm as in its URDF", ROBOT: "Perturbed robots (simulated)"}
-FORM_TITLES = {CHOSEN: "Chosen training", PLAIN: "Plain loss"}
+FORM_TITLES: Mapping[str, str] = {CHOSEN: "Chosen training", PLAIN: "Plain loss"}
 LOSS_TITLES = {"normalised": "Loss normalised per joint", "raw": "Raw loss (eq. III.2 as printed)"}
 
 REFERENCE = WHITE  # references, drawn wide: desired paths, measured torques, carried masses

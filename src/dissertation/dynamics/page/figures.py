@@ -43,7 +43,7 @@ SHOWN_REACHES = {
 }
 """Models whose reaches are drawn, by robot."""
 
-FORM_MARKERS = {CHOSEN: "o", PLAIN: "s"}
+FORM_MARKERS: Mapping[str, str] = {CHOSEN: "o", PLAIN: "s"}
 MARKERS = {"nostr": "x", "symm": "+", "spd": "s", "tri": "^", "cov": "o"}
 SHOWN_JOINTS = (1, 2, 4, 6)  # joints whose friction is drawn: large and small ones
 WIDE: dict[str, Any] = {"color": REFERENCE, "linewidth": 4.0}  # references

@@ -48,7 +48,7 @@ REACHING = {"task": REACH}
 def by_form(register: Register, statistic: Callable[..., Evidence], **row: Any) -> Callable[..., Any]:
     """Decorator that registers a function of results and form once per form, as `<name>_<form>`."""
 
-    def add(samples: Callable[[Results, Form], Any]) -> Callable[[Results, Form], Any]:
+    def add(samples: Callable[..., Any]) -> Callable[..., Any]:
         for form in FORMS:
             one: Samples = partial(samples, form=form)
             register.finding(statistic, name=f"{samples.__name__}_{form}", **row)(one)
@@ -60,7 +60,7 @@ def by_form(register: Register, statistic: Callable[..., Evidence], **row: Any) 
 def by_loss(statistic: Callable[..., Evidence], **row: Any) -> Callable[..., Any]:
     """Likewise for seeds and the losses of online learning."""
 
-    def add(samples: Callable[[Results, Loss], Any]) -> Callable[[Results, Loss], Any]:
+    def add(samples: Callable[..., Any]) -> Callable[..., Any]:
         for loss in LOSSES:
             one: Samples = partial(samples, loss=loss)
             SEEDS.finding(statistic, name=f"{samples.__name__}_{loss}", **row)(one)

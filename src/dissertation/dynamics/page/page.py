@@ -208,7 +208,7 @@ def _epochs(results: Results) -> Table:
         (model_name(model), *(epochs.get((model, form), "") for form in FORMS), shown.get(model, ""))
         for model in in_order({model for model, _ in epochs})
     ]
-    headings = {form: title.lower() for form, title in FORM_TITLES.items()}
+    headings: dict[str, str] = {form: title.lower() for form, title in FORM_TITLES.items()}
     headings |= {"but_last": "plain loss, but for the last joint"}
     return Table(pd.DataFrame(rows, columns=["model", *headings]), headings=headings)
 

@@ -62,15 +62,15 @@ def try_trainings(
     """
     tables = []
     for kind in kinds:
-        for values in product(LOSSES, BATCHES, RATES[kind in STRUCTURES]):
-            keys = dict(zip(TRAINING, values, strict=True))
-            training = ChosenTraining(**keys, second_moment_decay=DECAY)
-            models = learner(kind, data, training.loss, SEEDS, training.of(learning))
-            futility = FUTILITY if kind in NETWORKS and training.loss == "raw" else None
+        for loss, batch, rate in product(LOSSES, BATCHES, RATES[kind in STRUCTURES]):
+            training = ChosenTraining(loss=loss, batch=batch, rate=rate, second_moment_decay=DECAY)
+            models = learner(kind, data, loss, SEEDS, training.of(learning))
+            futility = FUTILITY if kind in NETWORKS and loss == "raw" else None
             learned = learn_in_epochs(models, learning.threshold, limit, STRIDE, futility)
             epochs = np.where(learned.epochs > 0, learned.epochs, np.nan)
             columns = {"seed": SEEDS, "epochs": epochs, "nmse_max": learned.nmse[-1].max(axis=1)}
-            tables.append(pd.DataFrame({"model": kind, **keys, **columns}))
+            keys = {"model": kind, "loss": loss, "batch": batch, "rate": rate}
+            tables.append(pd.DataFrame(keys | columns))
     return pd.concat(tables, ignore_index=True)
 
 
