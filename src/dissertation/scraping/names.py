@@ -44,6 +44,16 @@ REPRESENTATIONS = {
 }
 """Representations of the feedback model, keyed as in `feedback_models`."""
 
+NETWORKS = {
+    "pmnn": "PMNN",
+    "ffnn_phase": "FFNN with phase",
+    "ffnn": "FFNN",
+    "pca": "PCA, then phase kernels",
+    "autoencoded": "autoencoder, then phase kernels",
+    "ridge": "ridge regression",
+}
+"""Trainers of feedback models; one that is not listed is shown by its module's name."""
+
 CUT_METHODS = {method: Look(name, METHOD_COLOURS[method]) for method, name in METHOD_NAMES.items()}
 """Methods of finding cut points."""
 

@@ -30,7 +30,7 @@ from dissertation.scraping.page.demonstration_figures import (
 from dissertation.scraping.page.stored import SAMPLES, Stored
 from dissertation.scraping.page.tables import curve, moments, settings
 from dissertation.scraping.protocol.execution_scores import AFTER, BEFORE, NOMINAL
-from dissertation.scraping.protocol.feedback_models import POINTWISE
+from dissertation.scraping.protocol.feedback_models import POINTWISE, STOPPINGS
 from dissertation.scraping.protocol.phase_dependence import dominant_nodes
 from dissertation.scraping.protocol.results import CONVERGED
 from dissertation.scraping.world import layout
@@ -124,7 +124,7 @@ def models_figure(results: Results) -> list[Figure]:
             shown = [one for one in chosen if (name, one, "generalization") in errors]
             figure, axes = panel(f"{name}: {what}", 2.6)
             for place, one in enumerate(reversed(shown)):
-                best, validated = (errors[name, one, step].dropna() for step in ("generalization", "validation"))
+                best, validated = (errors[name, one, step].dropna() for step in reversed(STOPPINGS))
                 axes.barh(place, central(best), 0.62, color=REPRESENTATIONS[one].colour)
                 axes.plot(central(validated), place, "D", color=BLACK, markerfacecolor="white", markersize=5)
                 _dots(axes, best.to_numpy(), np.full(len(best), place - 0.22))
@@ -257,7 +257,7 @@ def roll_figure(stored: Stored) -> list[Figure]:
 def cost_figure(
     names: Sequence[str], results: Results, quantity: str, note: Callable[[float], str]
 ) -> list[Figure]:
-    """Figure IV.20: accumulated cost by setting and model, geometric mean over people; dots: single people."""
+    """Figure IV.20: accumulated cost by setting and model, geometric mean over people and a dot each."""
     costs = results.wide(quantity, ["primitive", "model", "setting"])
     figures, primitives = [], costs.columns.unique("primitive") if len(costs.columns) else ()
     for primitive in primitives:

@@ -80,16 +80,19 @@ finding = PEOPLE.finding
 
 @finding(mean, unit="ms", headline=True)
 def people_cut_error_ms(results: Results) -> pd.Series:
+    """Mean cut error, over a person's demonstrations."""
     return results.each("cut_error", method=RESULT)
 
 
 @finding(mean, unit="mm")
 def aligned_as_printed(results: Results) -> Samples:
+    """Distance from the reference gained over ordinary least squares, as printed."""
     return by(results, "alignment_gain", "primitive", method=AS_PRINTED)
 
 
 @finding(mean, unit="mm")
 def aligned_with_crossings(results: Results) -> Samples:
+    """The same of our variant."""
     return by(results, "alignment_gain", "primitive", method=RESULT)
 
 
@@ -105,6 +108,7 @@ def cut_error_gains(results: Results) -> pd.DataFrame:
 
 @finding(mean, unit="ms")
 def least_cut_error(results: Results) -> Samples:
+    """`cut_error_gains` by method and level."""
     return {
         f"{CUT_METHODS[method].name}, {level:g} mm": gain
         for (method, level), gain in cut_error_gains(results).items()
@@ -113,6 +117,7 @@ def least_cut_error(results: Results) -> Samples:
 
 @finding(mean, unit="ms")
 def mean_cut_error(results: Results) -> Samples:
+    """`cut_error_gains` by method, mean over the levels."""
     gains = cut_error_gains(results)
     names = gains.columns.unique(0) if len(gains.columns) else ()
     return {CUT_METHODS[method].name: gains[method].dropna().mean(axis=1) for method in names}
@@ -120,6 +125,7 @@ def mean_cut_error(results: Results) -> Samples:
 
 @finding(mean, unit="ms")
 def less_sensitive(results: Results) -> Samples:
+    """Change of the error of the crossing over thresholds, minus that of alignment."""
     errors = results.wide("cut_error_at_threshold", ["method", "level"])
     if not len(errors.columns):
         return {}
@@ -129,10 +135,11 @@ def less_sensitive(results: Results) -> Samples:
 
 @finding(mean)
 def downsampling_work_g2(results: Results) -> pd.Series | None:
+    """Work times g² at the factor where it is furthest from 1."""
     work = results.wide("downsampled_work", "level")
     if not len(work):
         return None
-    return work.apply(lambda row: row[(row - 1.0).abs().idxmax()], axis=1)  # at the least clear factor
+    return work.apply(lambda row: row[(row - 1.0).abs().idxmax()], axis=1)
 
 
 def few_samples(method: str, results: Results) -> pd.Series | None:
@@ -147,6 +154,7 @@ finding(share_of, name="downsampling_shift_samples")(partial(few_samples, RESULT
 
 @finding(mean, unit="%")
 def smooth(results: Results) -> Samples:
+    """Jump of the acceleration where primitives join, relative to its largest value."""
     jumps, words = results.wide("acceleration_jump", "part"), ("as demonstrated", "new situation")
     return {name: 100.0 * jumps[one] for name, one in zip(words, jumps, strict=False)}
 
@@ -202,6 +210,7 @@ finding(mean, unit="%", name="force_held")(lambda results: results.each("largest
 
 @finding(geometric_mean)
 def as_much_as_people(results: Results) -> Samples:
+    """Mean coupling term of the model over that of corrections, at their largest tilt."""
     terms = results.wide("coupling", ["model", "primitive", "setting"])
     models = terms.columns.unique("model") if len(terms.columns) else ()
     if not {POINTWISE, DEMONSTRATED} <= set(models):
@@ -213,6 +222,7 @@ def as_much_as_people(results: Results) -> Samples:
 
 @finding(geometric_mean)
 def closer_to_demonstrations(results: Results) -> Samples:
+    """Distance of readings from those of demonstrations, relative to no feedback."""
     left = results.wide("deviation_left", ["primitive", "setting"])
     return {f"{primitive}, {setting:g}°": its for (primitive, setting), its in left.items()}
 
@@ -230,10 +240,9 @@ def total_of(results: Results, model: str) -> pd.DataFrame:
 
 @finding(geometric_mean)
 def lower_cost(results: Results) -> Samples:
+    """Cost with feedback over that without, by primitive and tilt."""
     left = costs_of(results, POINTWISE) / costs_of(results, NOMINAL)
-    return {
-        f"{primitive}, {setting:g}°": its for (primitive, setting), its in left.items() if setting > 0.0
-    }
+    return {f"{primitive}, {setting:g}°": its for (primitive, setting), its in left.items() if setting > 0.0}
 
 
 def cost_left(model: str, baseline: str, results: Results) -> Samples:
@@ -249,7 +258,7 @@ finding(geometric_mean, name="in_the_unroll")(partial(cost_left, UNROLLED, POINT
 def of_setting(
     measure: Callable[[pd.Series, pd.Series], pd.Series], model: str, largest: bool, results: Results
 ) -> pd.Series | None:
-    """Measure of a model's total cost and that without feedback, on the level board or at the largest tilt."""
+    """Measure of a model's total cost and that without feedback, on the level board or the most tilted."""
     with_feedback, without = total_of(results, model), total_of(results, NOMINAL)
     setting = max(without.columns, default=0.0) if largest else 0.0
     if setting not in with_feedback or setting not in without:

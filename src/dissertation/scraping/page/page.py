@@ -69,9 +69,9 @@ def pages(
     page.
     """
     numbers, refined = find.numbers(), stored.tables["refined_scores"]
-    count, role = int(numbers.get("people", 0)), partial(role_of, parameters=stored.parameters["refine"])
+    count, role = numbers.get("people"), partial(role_of, parameters=stored.parameters["refine"])
     trained = stored.parameters["train_feedback"]
-    nodes = listing(trained.hidden, nothing="no")
+    network = names.NETWORKS.get(trained.network, trained.network)
     facts = {
         "pages": PAGES,
         "published": beside("published"),
@@ -82,9 +82,10 @@ def pages(
         "derive": tables,
         "tilts": tables.settings(stored.tables["scores"], tilted=True),
         "unseen": [one for one in tables.settings(refined, tilted=True) if role(one) == UNSEEN],
+        "refined": stored.tables["history"]["primitive"].unique().tolist(),
         "role": role,
         "dominant": {name: dominant_nodes(its) for name, its in stored.networks.items()},
-        "trained": f"{trained.network.upper() if trained.network == 'pmnn' else trained.network}, {nodes} hidden nodes",
+        "trained": f"{network}, {listing(trained.hidden)} hidden nodes",
         "curve": partial(tables.curve, frames["refinement_curves"]),
         "channel_name": channel_name,
         "names": names,
@@ -100,7 +101,9 @@ def pages(
         name = "segmentation" if page == "index" else page
         claims = read_claims(Path(__file__).with_name(f"{name}_claims.yaml"))
         its = facts | {"page": page}
-        untested = [{key: rendered(text, its) for key, text in one.items()} for one in beside("untested")[name]]
+        untested = [
+            {key: rendered(text, its) for key, text in one.items()} for one in beside("untested")[name]
+        ]
         made[page] = JudgedDocument(
             template=f"{name}.html.jinja",
             package=__package__,

@@ -144,13 +144,13 @@ def of_refinement(tables: Tables, parameters: BoardRefinementParameters) -> Rows
     history = matching(tables["history"], kind=FEEDBACK).rename(columns={"iteration": "level"})
     curves = history.groupby(["primitive", "level"], sort=False)["cost_rad"].mean()
     yield long_table("scraping_refine", "cost_of_iteration", curves, "rad")
-    wide = curves.unstack("level")
+    wide = _wide(curves, "level")
     later = wide.loc[:, wide.columns > CONVERGED].min(axis=1)
     if later.notna().any():
         yield long_table("scraping_refine", "later_gain", (wide[CONVERGED] - later) / wide[0])
     stage, costs = "scraping_evaluate_refinement", mean_costs(tables["refined_scores"])
     yield long_table(stage, "refined_cost", costs, "rad")
-    total = costs.groupby(["setting", "model"]).sum().unstack("model")
+    total = _wide(costs.groupby(["setting", "model"]).sum(), "model")
     if 0.0 in total.index:
         level = total.loc[0.0, AFTER] / total.loc[0.0, NOMINAL]
         yield long_table(stage, "level_cost_ratio", level)
@@ -158,7 +158,7 @@ def of_refinement(tables: Tables, parameters: BoardRefinementParameters) -> Rows
     for setting, ratio in (total[AFTER] / total[BEFORE]).items():
         role = role_of(float(setting), parameters)
         yield long_table(stage, "refined_cost_ratio", ratio, setting=setting, part=role)
-    tilted = costs[costs.index.get_level_values("setting") > 0.0].unstack("model")
+    tilted = _wide(costs[costs.index.get_level_values("setting") > 0.0], "model")
     over = tilted[[BEFORE, AFTER]].div(tilted[NOMINAL], axis=0).max(axis=1)
     yield long_table(stage, "largest_ratio_to_nominal", over.groupby("primitive", sort=False).max())
     margins = _margins_between(costs, parameters)
@@ -215,6 +215,12 @@ def _mean_over_time(runs: "pd.api.typing.DataFrameGroupBy") -> np.ndarray:
     return np.mean([time_normalised(run.to_numpy(), SAMPLES) for _, run in runs], axis=0)
 
 
+def _wide(values: pd.Series, column: str) -> pd.DataFrame:
+    """One column per value of a level of the index; its other levels stay."""
+    others = [name for name in values.index.names if name != column]
+    return values.rename("value").reset_index().pivot_table("value", others, column, sort=False)
+
+
 def _by_setting(table: pd.DataFrame) -> pd.DataFrame:
     return table.rename(columns={"setting_deg": "setting"})
 
@@ -244,7 +250,7 @@ def _margins_between(costs: pd.Series, parameters: BoardRefinementParameters) ->
 
     The smallest over both neighbours and all unseen tilts; negative if some cost does not lie between.
     """
-    wide = costs[costs.index.get_level_values("setting") > 0.0].unstack("setting").sort_index(axis=1)
+    wide = _wide(costs[costs.index.get_level_values("setting") > 0.0], "setting").sort_index(axis=1)
     tilts, found = list(wide.columns), []
     for below, tilt, above in zip(tilts, tilts[1:], tilts[2:], strict=False):
         if role_of(tilt, parameters) == UNSEEN:
