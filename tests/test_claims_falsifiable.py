@@ -25,7 +25,7 @@ import test_tasks_obstacles
 import test_touch_page
 from committed import ROOT, committed_entry
 from dynamics_tables import dynamics_results
-from reporting_feedback import PRIMITIVES, feedback_stages, people
+from reporting_feedback import feedback_stages
 from reporting_refinement import refinement_stages, stored
 from reporting_scraping import PARAMETERS, demonstration
 from test_obstacles_page import results as obstacles_results  # noqa: F401 a fixture
@@ -40,8 +40,6 @@ from dissertation.obstacles.page.findings import findings as obstacles_findings
 from dissertation.obstacles.page.findings import read_published as obstacles_published
 from dissertation.recorded.calibration.calibration_section import find_calibration
 from dissertation.recorded.coupling.page import representation_findings
-from dissertation.scraping.page import findings as scraping
-from dissertation.scraping.page.findings import ScrapingPeople
 from dissertation.servoing.page import findings as servoing_findings
 from structlearn.reporting.evidence import Evidence, Found
 from structlearn.reporting.findings import Findings
@@ -117,23 +115,14 @@ def over_people(results: Any) -> Findings:
     return find
 
 
-def segmentation_of_people(results: Any) -> Findings:
-    """Of the page on segmentation: what the sweep and a study of people like this one find."""
-    find = test_scraping_page.sweep_evidence(results)
-    aligned = [primitive.name for primitive in results.found_primitives]
-    scraping.segmentation_of_people(
-        find, ScrapingPeople(people(find.numbers()), scraping.OURS, PRIMITIVES), aligned
-    )
-    return find
-
-
 def arithmetic() -> dict[str, set[str]]:
     """Columns of the table on down-sampling that are the same whatever was recorded."""
     first, second = (
         downsampling_effect([demonstration(seed) for seed in seeds], PARAMETERS, (1, 2))
         for seeds in (range(2), range(3, 5))
     )
-    return {"tables.downsampling": {name for name in first if first[name].equals(second[name])}}
+    same = {name for name in first if first[name].equals(second[name])}
+    return {"tables.downsampling": same, "tables.downsampling_people": same}
 
 
 def deaf_to_phase(results: Any) -> Any:
@@ -186,20 +175,20 @@ PAGES = {
     "segmentation": Page(
         of_package(SCRAPING, "segmentation_claims.yaml"),
         lambda get: [stored()],
-        segmentation_of_people,
+        partial(test_scraping_page.evidence, "segmentation"),
         known=arithmetic,
         chosen=lambda place: place.rpartition(".")[2] not in FEEDBACK_TABLES | REFINEMENT_TABLES,
     ),
     "feedback": Page(
         of_package(SCRAPING, "feedback_claims.yaml"),
         lambda get: [stored(), deaf_to_phase(stored())],
-        test_scraping_page.feedback_evidence,
+        partial(test_scraping_page.evidence, "feedback"),
         chosen=lambda place: place.removeprefix("tables.") in FEEDBACK_TABLES,
     ),
     "refinement": Page(
         of_package(SCRAPING, "refinement_claims.yaml"),
         lambda get: [stored()],
-        test_scraping_page.refinement_evidence,
+        partial(test_scraping_page.evidence, "refinement"),
         chosen=lambda place: place.removeprefix("tables.") in REFINEMENT_TABLES,
     ),
     "calibration": Page(

@@ -3,7 +3,7 @@
 from collections.abc import Sequence
 
 from dissertation.scraping.protocol.execution_scores import AFTER, BEFORE, NOMINAL
-from dissertation.scraping.protocol.feedback_models import LEVEL, POINTWISE, UNROLLED
+from dissertation.scraping.protocol.feedback_models import LEVEL, NETWORKS, POINTWISE, UNROLLED
 from dissertation.scraping.protocol.sample_efficiency import CMA_ES, PI2
 from structlearn.palette import (
     BLUE,
@@ -44,16 +44,6 @@ REPRESENTATIONS = {
 }
 """Representations of the feedback model, keyed as in `feedback_models`."""
 
-NETWORKS = {
-    "pmnn": "PMNN",
-    "ffnn_phase": "FFNN with phase",
-    "ffnn": "FFNN",
-    "pca": "PCA, then phase kernels",
-    "autoencoded": "autoencoder, then phase kernels",
-    "ridge": "ridge regression",
-}
-"""Trainers of feedback models; one that is not listed is shown by its module's name."""
-
 CUT_METHODS = {method: Look(name, METHOD_COLOURS[method]) for method, name in METHOD_NAMES.items()}
 """Methods of finding cut points."""
 
@@ -71,3 +61,9 @@ SEARCHES = {PI2: Look("PI2-CMA", BLUE), CMA_ES: Look("CMA-ES", OCHRE)}
 def primitive_title(primitives: Sequence[str], name: str) -> str:
     """Title such as `turn (primitive 2)`, counted as in the dissertation."""
     return f"{name} (primitive {list(primitives).index(name) + 1})"
+
+
+def network_name(trainer: str, hidden: Sequence[int]) -> str:
+    """Name of a network by its trainer and hidden layers; of one's own, the trainer's."""
+    known = {its: REPRESENTATIONS[key].name for key, its in NETWORKS.items()}
+    return known.get((trainer, tuple(hidden)), trainer)

@@ -71,7 +71,6 @@ def pages(
     numbers, refined = find.numbers(), stored.tables["refined_scores"]
     count, role = numbers.get("people"), partial(role_of, parameters=stored.parameters["refine"])
     trained = stored.parameters["train_feedback"]
-    network = names.NETWORKS.get(trained.network, trained.network)
     facts = {
         "pages": PAGES,
         "published": beside("published"),
@@ -85,7 +84,7 @@ def pages(
         "refined": stored.tables["history"]["primitive"].unique().tolist(),
         "role": role,
         "dominant": {name: dominant_nodes(its) for name, its in stored.networks.items()},
-        "trained": f"{network}, {listing(trained.hidden)} hidden nodes",
+        "trained": names.network_name(trained.network, trained.hidden),
         "curve": partial(tables.curve, frames["refinement_curves"]),
         "channel_name": channel_name,
         "names": names,
