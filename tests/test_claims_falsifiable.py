@@ -122,7 +122,7 @@ def arithmetic() -> dict[str, set[str]]:
         for seeds in (range(2), range(3, 5))
     )
     same = {name for name in first if first[name].equals(second[name])}
-    return {"tables.downsampling": same, "tables.downsampling_people": same}
+    return {"tables.downsampling": same, "tables.downsampling_people": {"work"}}  # cells are counted
 
 
 def deaf_to_phase(results: Any) -> Any:

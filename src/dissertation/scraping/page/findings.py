@@ -320,19 +320,26 @@ def margins_between(models: Collection[str], results: Results) -> Samples:
     return {f"{one}, {model}": its for (one, model), its in margins.items() if model in models}
 
 
-def sides_between(models: Collection[str], results: Results) -> Samples:
-    """Both of these distances, to the neighbours that cost less and more over people."""
+def places_between(models: Collection[str], results: Results) -> Samples:
+    """Place of the cost at an unseen tilt between those at its neighbours: from -1 to 1.
+
+    Its distance from their middle, relative to half of their mean difference over people.
+    """
     tilts = results.rows("refined_cost_ratio").drop_duplicates("setting").set_index("setting")["part"]
     ordered, found = sorted(tilts.index), {}
-    for model, place in product(models, range(1, len(ordered) - 1)):
-        costs, unseen = costs_of(results, model, "refined_cost"), ordered[place]
-        beside = [ordered[place - 1], ordered[place + 1]]
-        for primitive in costs.columns.unique(0) if tilts[unseen] == UNSEEN else ():
-            if {unseen, *beside} <= set(costs[primitive]):
-                its = costs[primitive]
-                less, more = sorted(beside, key=lambda tilt: its[tilt].mean())
-                found[f"{primitive}, {model}, over {less:g}°"] = its[unseen] - its[less]
-                found[f"{primitive}, {model}, under {more:g}°"] = its[more] - its[unseen]
+    for model, below, unseen, above in (
+        (model, *three)
+        for model in models
+        for three in zip(ordered, ordered[1:], ordered[2:], strict=False)
+        if tilts[three[1]] == UNSEEN
+    ):
+        costs = costs_of(results, model, "refined_cost")
+        for primitive in costs.columns.unique(0):
+            its = costs[primitive]
+            if {below, unseen, above} <= set(its):
+                half = abs((its[above] - its[below]).mean()) / 2.0
+                middle = (its[above] + its[below]) / 2.0
+                found[f"{primitive}, {model}, {unseen:g}°"] = (its[unseen] - middle) / half
     return found
 
 
@@ -354,7 +361,7 @@ def refinement(form: str) -> Register:
         (geometric_mean, "seen", partial(ratios_at_tilts, part=LEARNED)),
         (geometric_mean, "rl_cost_ratio_at_tilts", ratios_at_tilts),
         (mean, "between", partial(margins_between, models)),
-        (mean, "between_sides", partial(sides_between, models)),
+        (mean, "place_between", partial(places_between, models)),
         (geometric_mean, "level_board_refined", lambda results: results.each("level_cost_ratio")),
         (geometric_mean, "search", searched),
     ):
