@@ -25,7 +25,7 @@ import test_servoing_page
 import test_tasks_obstacles
 import test_touch_page
 from committed import ROOT, committed_entry
-from reporting_feedback import PRIMITIVES, feedback_stages, people
+from reporting_feedback import feedback_stages
 from reporting_refinement import refinement_stages, stored
 from reporting_scraping import PARAMETERS, demonstration
 from test_obstacles_page import find as obstacles_findings
@@ -35,11 +35,8 @@ from dissertation.dynamics.protocol.trainings import PLAIN
 from dissertation.evidence.claims import NO, Claim, read_claims
 from dissertation.recorded.calibration.calibration_section import find_calibration
 from dissertation.recorded.coupling.page import representation_findings
-from dissertation.scraping.page import findings as scraping
-from dissertation.scraping.page.findings import ScrapingPeople
 from dissertation.scraping.protocol.cut_sweep import downsampling_effect
 from structlearn.reporting.evidence import Evidence, Found
-from structlearn.reporting.findings import Findings
 from structlearn.tasks.motion.motion_results import MotionResults, motion_findings
 from structlearn.tasks.obstacles.page import SceneWays, scene_findings
 
@@ -87,23 +84,14 @@ def dynamics() -> list[Any]:
     return [made | {"scores": pd.concat([scores, learned]), "outcomes": outcomes}, made]
 
 
-def segmentation_of_people(results: Any) -> Findings:
-    """Of the page on segmentation: what the sweep and a study of people like this one find."""
-    find = test_scraping_page.sweep_evidence(results)
-    aligned = [primitive.name for primitive in results.found_primitives]
-    scraping.segmentation_of_people(
-        find, ScrapingPeople(people(find.numbers()), scraping.OURS, PRIMITIVES), aligned
-    )
-    return find
-
-
 def arithmetic() -> dict[str, set[str]]:
     """Columns of the table on down-sampling that are the same whatever was recorded."""
     first, second = (
         downsampling_effect([demonstration(seed) for seed in seeds], PARAMETERS, (1, 2))
         for seeds in (range(2), range(3, 5))
     )
-    return {"tables.downsampling": {name for name in first if first[name].equals(second[name])}}
+    same = {name for name in first if first[name].equals(second[name])}
+    return {"tables.downsampling": same, "tables.downsampling_people": {"work"}}  # cells are counted
 
 
 def deaf_to_phase(results: Any) -> Any:
@@ -164,20 +152,20 @@ PAGES = {
     "segmentation": Page(
         of_package(SCRAPING, "segmentation_claims.yaml"),
         lambda get: [stored()],
-        segmentation_of_people,
+        partial(test_scraping_page.evidence, "segmentation"),
         known=arithmetic,
         chosen=lambda place: place.rpartition(".")[2] not in FEEDBACK_TABLES | REFINEMENT_TABLES,
     ),
     "feedback": Page(
         of_package(SCRAPING, "feedback_claims.yaml"),
         lambda get: [stored(), deaf_to_phase(stored())],
-        test_scraping_page.feedback_evidence,
+        partial(test_scraping_page.evidence, "feedback"),
         chosen=lambda place: place.removeprefix("tables.") in FEEDBACK_TABLES,
     ),
     "refinement": Page(
         of_package(SCRAPING, "refinement_claims.yaml"),
         lambda get: [stored()],
-        test_scraping_page.refinement_evidence,
+        partial(test_scraping_page.evidence, "refinement"),
         chosen=lambda place: place.removeprefix("tables.") in REFINEMENT_TABLES,
     ),
     "calibration": Page(

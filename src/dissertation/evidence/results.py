@@ -35,7 +35,7 @@ import pandas as pd
 from dissertation.evidence.studies import Study, digests
 from structlearn.core.artefacts import read_table
 from structlearn.core.params import read_values
-from structlearn.reporting.evidence import Evidence, Found, in_words
+from structlearn.reporting.evidence import UNKNOWN, Evidence, Found, in_words
 from structlearn.reporting.findings import Findings
 
 FOLDER = Path("data/results")
@@ -259,6 +259,8 @@ class Register:
 def evidence_of(finding: Finding, results: Results) -> Found:
     """Evidence of one finding in some results; who lacks one value of a pair does not count."""
     samples = finding.samples(results)
+    if isinstance(samples, dict) and not samples:
+        return UNKNOWN
     by_case = {case: _present(one) for case, one in samples.items()} if isinstance(samples, dict) else None
     return Findings().by(finding.statistic, finding.name, _present(samples) if by_case is None else by_case)
 
@@ -288,6 +290,7 @@ def _beside(found: Found, other: Found, unit: str) -> Found:
             return found
         remark = f"{in_words(other, '.3g', unit)} with other parameters"
         return replace(found, remark=f"{found.remark}; {remark}" if found.remark else remark)
-    assert isinstance(found, Mapping)
-    assert isinstance(other, Mapping)  # the same function made both
-    return {case: _beside(one, other[case], unit) if case in other else one for case, one in found.items()}  # type: ignore[misc]
+    cases = dict(found) if isinstance(found, Mapping) else {}  # none, if nothing was found
+    others = dict(other) if isinstance(other, Mapping) else {}
+    cases |= {case: UNKNOWN for case in others if case not in cases}
+    return {case: _beside(one, others.get(case, UNKNOWN), unit) for case, one in cases.items()}  # type: ignore[misc]
