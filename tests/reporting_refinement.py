@@ -179,4 +179,4 @@ def people(
         for person in range(11, 11 + count):
             values = own["value"] * (1.0 + spread * rng.normal(size=len(own)))
             parts.append(own.assign(value=values, person=person, variant=variant, cell=str(person)))
-    return Study({"results": pd.concat(parts, ignore_index=True)})
+    return Study(pd.concat(parts, ignore_index=True))

@@ -28,7 +28,7 @@ from dissertation.scraping.protocol.results import (
     UNSEEN,
 )
 from dissertation.scraping.protocol.sample_efficiency import CMA_ES, PI2
-from structlearn.reporting.evidence import Evidence, geometric_mean, largest, mean, share
+from structlearn.reporting.evidence import Evidence, geometric_mean, maximum, mean, share
 from structlearn.reporting.findings import Findings
 from structlearn.segmentation.alignment import AS_PRINTED, RESULT
 
@@ -173,8 +173,8 @@ def largest_end(quantity: str, results: Results) -> pd.Series | None:
     return errors.max(axis=1) if len(errors) else None
 
 
-finding(largest, unit="mm", name="people_fit_end_mm_largest")(partial(largest_end, "end_position_error"))
-finding(largest, unit="°", name="people_fit_end_deg_largest")(partial(largest_end, "end_orientation_error"))
+finding(maximum, unit="mm", name="people_fit_end_mm_largest")(partial(largest_end, "end_position_error"))
+finding(maximum, unit="°", name="people_fit_end_deg_largest")(partial(largest_end, "end_orientation_error"))
 
 
 def times_the_nmse(pairs: Collection[tuple[str, str]], stopping: str, results: Results) -> Samples:
