@@ -72,7 +72,9 @@ class Page:
 def dynamics() -> list[Any]:
     """Five seeds and robots; and the same where networks met the criterion with the plain loss too."""
     made = {
-        name: pd.concat([table, table.assign(seed=table["seed"] + 100).query("seed < 113")])
+        name: pd.concat(
+            [table, table.assign(seed=table["seed"] + 100).query("seed < 113")], ignore_index=True
+        )
         if "seed" in table
         else table
         for name, table in dynamics_tables.dynamics_tables().items()

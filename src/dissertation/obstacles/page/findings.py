@@ -110,7 +110,7 @@ def _beside_none(found: Evidence, its: pd.DataFrame) -> Evidence:
 
 def pairs(first: pd.DataFrame, second: pd.DataFrame) -> pd.DataFrame:
     """Two tables of `counts` side by side, of the people that both have."""
-    return first.join(second, lsuffix="_first", rsuffix="_second", how="inner")
+    return first.merge(second, left_index=True, right_index=True, suffixes=("_first", "_second"))
 
 
 def points(its: pd.DataFrame, comparisons: int = 1) -> Evidence:
