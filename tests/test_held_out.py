@@ -137,7 +137,8 @@ FITS_ALL = {
     "parts.learn avoidance_fits._errors fitting.learn_sequence fitting.cross_validation "
     "autoencoded.train pca.train pca.train_on_codes",
     "what is compared with itself": "movement_learning.reproduction movement_learning.turn_errors "
-    "drives_and_load.payload_check touch_calibration.variance_shares trainings._once_through",
+    "drives_and_load.payload_check touch_calibration.variance_shares trainings._once_through "
+    "training_choice.try_trainings",
     "traces of all runs that are given": "feedback_learning.learn_feedback movement_learning.learn_traces",
     "searches by rollouts": "sample_efficiency._advance",
     "call the training of `train_latent` for another skin": "servo_trials.learn_other_skin",

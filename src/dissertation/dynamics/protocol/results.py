@@ -67,7 +67,7 @@ def _trainings(outcomes: pd.DataFrame, limits: EpochLimits) -> Iterable[pd.DataF
     its = outcomes.set_index(["seed", "arm", "model", "form"])
     most = np.where(its.index.get_level_values("arm") == ROBOT, limits.robot, limits.simulation)
     columns = {
-        "epochs": its["epochs"].fillna(pd.Series(most, its.index)),
+        "epochs": its["epochs"].where(its["epochs"].notna(), most),
         "epochs_but_last": its["epochs_but_last"].dropna(),
         "reached": its["epochs"].notna(),
         "met": its["met"],
@@ -83,11 +83,12 @@ def _bodies(links: pd.DataFrame) -> Iterable[pd.DataFrame]:
 
 
 def _friction(table: pd.DataFrame) -> Iterable[pd.DataFrame]:
-    ratio = table["value"] / table["truth"]
-    for term, its in ratio.groupby(table["term"]):
-        by = [table.loc[its.index, key] for key in ("seed", "model")]
+    keys = pd.MultiIndex.from_frame(table[["seed", "model", "term"]])
+    ratios = (table["value"] / table["truth"]).set_axis(keys)
+    for term, its in ratios.groupby("term"):
         for name, values in (("ratio", its), ("error", (its - 1.0).abs())):
-            yield long_table("dynamics_train", f"{term}_{name}", values.groupby(by).median(), form=CHOSEN)
+            medians = values.groupby(["seed", "model"]).median()
+            yield long_table("dynamics_train", f"{term}_{name}", medians, form=CHOSEN)
 
 
 def _online(errors: pd.DataFrame) -> Iterable[pd.DataFrame]:

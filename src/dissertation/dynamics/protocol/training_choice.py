@@ -7,7 +7,8 @@ a joint with small torques hardly counts. So every kind of model is trained on `
 usual Adam in every combination of `LOSSES`, `BATCHES` and `RATES`, with seeds that no verdict is over. The
 training with the fewest epochs until the NMSE is at most the threshold on every joint (III.4.1.1) is the
 model's, of equal ones that with the lowest NMSE of the worst joint; it is entered in `params.yaml`,
-`train_dynamics.chosen`, and the table of all is kept in git.
+`train_dynamics.chosen`, and the table of all is kept in git. A small batch takes more steps per epoch, which
+this criterion favours for every kind alike.
 """
 
 from collections.abc import Sequence
