@@ -57,13 +57,12 @@ NEEDS_BOUND = {"at most", "at least", "between"}
 
 
 class Counterpart(Parameters):
-    """The corresponding statement of a simulated testbed."""
+    """The corresponding claim of a simulated testbed, found by its finding."""
 
-    testbed: str  # whose `claims.csv` has the statement
-    statement: str  # as worded there
+    testbed: str  # whose `claims.csv` has the claim
+    evidence: str  # name of its finding
     cases: tuple[str, ...] = ()  # all if empty
     page: str = "index"  # of that testbed
-    by: Literal["published", "ours"] | None = None  # needed if both have a statement worded alike
 
 
 class Margin(Parameters):
@@ -209,14 +208,12 @@ def claim_metrics(judged: Sequence[Judged]) -> dict[str, int]:
     return {f"claims_{word.replace(' ', '_')}": count for word, count in verdict_counts(judged).items()}
 
 
-def verdict_in(table: pd.DataFrame, counterpart: Counterpart) -> str:
-    """Verdict on a statement, or on some of its cases, in a `claims_table`; empty if it is not there."""
-    rows = table[table["statement"] == counterpart.statement]
+def verdict_in(table: pd.DataFrame, counterpart: Counterpart) -> tuple[str, str]:
+    """Verdict on a claim, or on some of its cases, in a `claims_table`, and its statement; or empty texts."""
+    rows = table[table["evidence"] == counterpart.evidence]
     if counterpart.cases:
         rows = rows[rows["case"].isin(counterpart.cases)]
-    if counterpart.by:
-        rows = rows[rows["by"] == counterpart.by]
-    return combined(list(rows["verdict"])) if len(rows) else ""
+    return (combined(list(rows["verdict"])), rows["statement"].iloc[0]) if len(rows) else ("", "")
 
 
 def claims_table(judged: Sequence[Judged]) -> pd.DataFrame:
@@ -242,7 +239,8 @@ class OnRecordings:
 
     statement: str  # on the page of recorded data
     counterpart: Counterpart  # of the simulated testbed
-    simulated: str  # verdict on the counterpart
+    there: str  # the statement of the counterpart
+    simulated: str  # verdict on it
     recorded: str  # verdict on recorded data
     found: tuple[str, ...]  # as text, by case
     heading: str  # name of the data set
@@ -269,12 +267,12 @@ def on_recordings(recorded: pd.DataFrame, testbed: str, own: pd.DataFrame) -> li
     both = []
     for (heading, statement, like), cases in rows.groupby(["set", "statement", "counterpart"], sort=False):
         counterpart = Counterpart.model_validate_json(like)
-        simulated = verdict_in(own, counterpart)
+        simulated, there = verdict_in(own, counterpart)
         if counterpart.testbed == testbed and simulated not in ("", NOT_TESTED):
             found = tuple(
                 f"{case}: {here}" if case else here
                 for case, here in zip(cases["case"], cases["here"], strict=True)
             )
             verdict = cases["verdict_of_all"].iloc[0]
-            both.append(OnRecordings(statement, counterpart, simulated, verdict, found, heading))
+            both.append(OnRecordings(statement, counterpart, there, simulated, verdict, found, heading))
     return both

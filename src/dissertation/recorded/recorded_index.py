@@ -66,7 +66,7 @@ def reload_verdicts(name: str, title: str) -> list[Judged]:
         like, simulated = claim.simulated, ""
         there = CLONE / "reports" / (like.testbed if like else "") / "tables/claims.csv"
         if like and there.exists():
-            simulated = verdict_in(read_csv(there, keep_default_na=False), like)
+            simulated, _ = verdict_in(read_csv(there, keep_default_na=False), like)
         judged.append(
             Judged(
                 claim.model_copy(update=texts | {"note": rendered(claim.note, {})}),
