@@ -18,7 +18,7 @@ from structlearn.core.errors import InputError
 from structlearn.reporting.document import words_in_view
 from structlearn.tasks.project import ENTRIES
 
-LIKE = {"testbed": "scraping", "statement": "Cuts are found", "page": "index"}
+LIKE = {"testbed": "scraping", "evidence": "cuts_found", "page": "index"}
 CLAIM = {"statement": "Nearly all are cut", "source": "aim", "by": "ours", "evidence": "cuts_demonstrations"}
 CLAIM |= {"test": "at least", "bound": 2, "format": ".0f", "note": "of {{ 3 if cuts is defined else 'all' }}"}
 SETS = {
@@ -57,7 +57,7 @@ def project(tmp_path_factory) -> Iterator[Path]:
         for number, (duration, rest) in enumerate([(1.0, 0.5), (1.3, 0.7), (0.8, 0.4)], start=1):
             write_reach(Path(f"sets/moves/{number}.mcap"), duration, rest)
         (clone / "reports/scraping/tables").mkdir(parents=True)
-        row = {"by": "published", "statement": LIKE["statement"], "case": "", "verdict": "yes"}
+        row = {"statement": "Cuts are found", "evidence": LIKE["evidence"], "case": "", "verdict": "yes"}
         pd.DataFrame([row]).to_csv(clone / "reports/scraping/tables/claims.csv", index=False)
         learning = ("segment", "primitives", "feedback", "skill", "check")
         page = ROOT / "stages/recorded/report.py"

@@ -150,6 +150,7 @@ class Judged:
     would_decide: tuple[str, ...] = ()  # by case, see `Claim.would_decide`
     heading: str = ""  # name of the data set, on pages with several
     simulated: str = ""  # verdict on the claim's counterpart; empty if unknown
+    there: str = ""  # the statement of the counterpart
 
 
 def read_claims(path: Path) -> list[Claim]:

@@ -63,10 +63,10 @@ def reload_verdicts(name: str, title: str) -> list[Judged]:
     judged = []
     for claim, its in zip(read_claims(path), rows, strict=True):
         texts = its.iloc[0][["statement", "source", "published"]].to_dict()
-        like, simulated = claim.simulated, ""
+        like, alike = claim.simulated, ("", "")
         there = CLONE / "reports" / (like.testbed if like else "") / "tables/claims.csv"
         if like and there.exists():
-            simulated, _ = verdict_in(read_csv(there, keep_default_na=False), like)
+            alike = verdict_in(read_csv(there, keep_default_na=False), like)
         judged.append(
             Judged(
                 claim.model_copy(update=texts | {"note": rendered(claim.note, {})}),
@@ -75,7 +75,7 @@ def reload_verdicts(name: str, title: str) -> list[Judged]:
                 tuple(its["study"]),
                 tuple(its["would_decide"]),
                 title,
-                simulated,
+                *alike,
             )
         )
     return judged
