@@ -59,6 +59,9 @@ def made_up(name: str) -> MotionResults:
             joint=joints,
             name=[f"joint_{joint}" for joint in joints],
         ),
+        "repeats": pd.DataFrame({"part": parts[1:], "log": parts[1:]}).assign(
+            trained_on=logs[0], lag_s=0.0, difference=1.4, repeated=False
+        ),
         "base": rows({"parameter": "m[a]", "low": 0.5, "high": 1.5, "urdf": 1.0}, value=[1.0]),
         "fitness": rows({"question": "condition number", "joint": 0, "verdict": "yes"}, value=[50.0]),
         "determined": rows({"parameter": "m[a]", "determined": "doubtful"}, percent=[50.0]),

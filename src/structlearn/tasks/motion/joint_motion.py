@@ -49,6 +49,7 @@ from structlearn.tasks.motion.parameters import (
     MotionParameters,
     NetworkChoiceParameters,
 )
+from structlearn.tasks.motion.repeats import repeats
 from structlearn.tasks.task_files import is_public, local_path, write_tables
 
 TEST = "test"  # test part, unless it is a named log
@@ -84,12 +85,12 @@ def learn_motion(
     `logs`: `JointLog` by name, or `DriveLog` if the parameters have drives; `source`: the robot's URDF.
 
     Returns the models by kind and friction, and tables by name; `joint` counts from 1. `motions`: `log`,
-    `part`, `start_s` and `end_s` of what is used, `length_s`, `learned_s` and `tested_s`. `errors`, `blocks`,
-    `norms`, `links`, `traces`, `written`: of `model_comparison`. `gravity`: of `gravity_check`. `base`:
-    `parameter` (its formula), `value`, `low`, `high` (95 %), `urdf`; `fitness` and `determined`: of
-    `rigid_body.log_fitness`. `excitation`: one row, `condition` and `parameters`. `choice`: of
-    `choose_networks`. `bodies` and tables on drives and loads: of `drives_and_load`. Without structures:
-    `gravity`, and the tables of `drives_and_load.payload_check`.
+    `part`, `start_s` and `end_s` of what is used, `length_s`, `learned_s` and `tested_s`. `repeats`: test
+    motions found in the training motion. `errors`, `blocks`, `norms`, `links`, `traces`, `written`: of
+    `model_comparison`. `gravity`: of `gravity_check`. `base`: `parameter` (its formula), `value`, `low`,
+    `high` (95 %), `urdf`; `fitness` and `determined`: of `rigid_body.log_fitness`. `excitation`: one row,
+    `condition` and `parameters`. `choice`: of `choose_networks`. `bodies` and tables on drives and loads: of
+    `drives_and_load`. Without structures: `gravity`, and the tables of `drives_and_load.payload_check`.
 
     Raises InputError: a log lacks a joint, is too short, has no motion or a constant torque.
     MissingInputError: logs are named, but fewer than two motions are without load.
@@ -123,6 +124,7 @@ def _identified(
     motions = {name: motion for name, (motion, _) in cuts.items()}
     pieces = held_out_pieces(motions, parameters)
     parts = joined_parts(", ".join(logs), pieces, parameters)
+    tables["repeats"] = repeats(pieces, parameters.rate_hz)
     tables["motions"] = _motion_table(
         moving, {name: its for name, (_, its) in cuts.items()}, pieces, parameters
     )

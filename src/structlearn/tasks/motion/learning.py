@@ -7,6 +7,7 @@ from structlearn.core.errors import InputError
 from structlearn.rigid_body.log_fitness import fitness_lines
 from structlearn.tasks.motion.joint_motion import learn_motion, read_arm
 from structlearn.tasks.motion.parameters import MotionParameters, read_logs
+from structlearn.tasks.motion.repeats import repeat_lines
 from structlearn.tasks.task_files import TaskFiles, is_public, leave_out
 
 
@@ -19,6 +20,7 @@ def learn(files: TaskFiles, folder: Path) -> None:
         _, tables = learn_motion(robot, logs, parameters, urdf, folder)
         if "fitness" in tables:
             print("Fit to identify the arm from?", *fitness_lines(tables["fitness"]), sep="\n")
+            print(*repeat_lines(tables["repeats"]), sep="\n")
     except InputError as error:
         if not is_public(parameters.source):
             raise

@@ -194,6 +194,10 @@ def motion_findings(results: MotionResults) -> Findings:
     for name, its in rows.items():
         found = _evidence(its) or unknown(MISSING.get(name, ""))
         find.add(name, found, unit=UNITS.get(name, ""), headline=name in HEADLINES)
+    apart = matching(results["repeats"], part=results.tested)["difference"]
+    find.among("test motions").exact(
+        "test_motion_difference", apart.min(), len(apart), unit="of its spread", headline=True
+    )
     written = results["written"]["difference_n_m"]
     find.among("joints").exact("written_torques", float(written.max()), len(written), unit="N m")
     links = matching(results["links"], model=BEST, friction=results.best[1])
