@@ -122,7 +122,7 @@ HOLDS_NOTHING_OUT = {
     "puts into one file what was learned": "tasks/skill scraping/write_skill",
     "executes or unrolls": "tasks/check scraping/evaluate_feedback scraping/evaluate_refinement "
     "obstacles/evaluate",
-    "measures statistics or times": "recorded/calibrate scraping/time_controller",
+    "measures times": "scraping/time_controller",
     "traces of all runs that it is given; the further ones go to other files": "scraping/expected_traces",
     "makes samples, each of one demonstration": "scraping/coupling_dataset servoing/touch_dataset",
     "searches by trial, on rollouts of its own": "scraping/compare_search",
@@ -135,7 +135,7 @@ FITS_ALL = {
     "parts.learn avoidance_fits._errors fitting.learn_sequence fitting.cross_validation "
     "autoencoded.train pca.train pca.train_on_codes",
     "what is compared with itself": "movement_learning.reproduction movement_learning.turns "
-    "drives_and_load.payload_check touch_calibration.variance_shares trainings._once_through",
+    "drives_and_load.payload_check finger_statistics.pca_dimensions trainings._once_through",
     "traces of all runs that are given": "feedback_learning.learn_feedback movement_learning.learn_traces",
     "searches by rollouts": "sample_efficiency._advance",
     "call the training of `train_latent` for another skin": "servo_trials.learn_other_skin",

@@ -19,8 +19,8 @@ def learn(files: TaskFiles, folder: Path) -> None:
         robot, urdf = read_arm(parameters)
         _, tables = learn_motion(robot, logs, parameters, urdf, folder)
         if "fitness" in tables:
-            print("Fit to identify the arm from?", *fitness_lines(tables["fitness"]), sep="\n")
-            print(*repeat_lines(tables["repeats"]), sep="\n")
+            lines = [*fitness_lines(tables["fitness"]), *repeat_lines(tables["repeats"])]
+            print("Fit to identify the arm from?", *lines, sep="\n")
     except InputError as error:
         if not is_public(parameters.source):
             raise
