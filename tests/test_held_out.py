@@ -313,7 +313,7 @@ def expected_of_slides(monkeypatch, tmp_path):
     return [Case(learn, data, slid(held_out), trained_on) for held_out in ("mat_3", "cork_1")]
 
 
-@of_stage("tasks/touch", fits="surface_traces.leave_one_out")
+@of_stage("tasks/touch", fits="surface_traces._held_out")
 def slides_left_out(monkeypatch, tmp_path):
     learn = each(
         monkeypatch,
@@ -332,7 +332,7 @@ def other_materials(monkeypatch, tmp_path):
         "fit_expected_traces",
         lambda its: surface_traces.across_materials(its, SLIDES),
     )
-    return Case(lambda its: learn(its)[0], slid(), slid("cork_1"), slid("mat_2"))
+    return Case(lambda its: learn(its)[4], slid(), slid("cork_1"), slid("mat_2"))
 
 
 # --- feedback ----------------------------------------------------------------------------------------------

@@ -37,7 +37,7 @@ def surfaces():
     parts, trial = slides["demonstration"].str.split("_", expand=True), slides["group"].map(level)
     slides, extra = slides.assign(material=parts[0]), 0.01 * parts[1].astype(int)
     alone = slides[["demonstration", "material"]]
-    alone = alone.assign(rms=5.0 + 10 * extra, nmse=0.3 + extra)
+    alone = alone.assign(rms=5.0 + 10 * extra, standard=1.0 + extra, nmse=0.3 + extra)
     across = alone.assign(expected=parts[0].map({"m9": "m15", "m15": "m9"}), nmse=2.0)
     channels = [alone.assign(channels=kind, electrodes=8, rms=5.0) for kind in ("strong", "weak")]
     time = {"time_s": np.arange(40) / 100, "mean": 1.0}
@@ -52,7 +52,7 @@ def surfaces():
         "deviations": slides.drop(columns="material").assign(rms=trial + extra, largest=40.0),
         "left_one_out": alone,
         "channels": pd.concat(channels),
-        "across_materials": across.assign(rms=60.0 + extra),
+        "across_materials": across.assign(rms=60.0 + extra, standard=3.0 + extra),
         "statistics": pd.concat(statistics),
     }
 

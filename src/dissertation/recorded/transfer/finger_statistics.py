@@ -53,7 +53,7 @@ def compared(recorded: Sequence[Recording], simulated: Sequence[Recording]) -> p
         "recorded": finger_traces(recorded),
         "simulated": [trace for one in simulated for trace in finger_traces([one])],
     }
-    columns = {}
+    columns: dict[str, pd.Series] = {}
     for name, traces in both.items():
         found = pd.concat([pd.Series(statistics(trace)) for trace in traces], axis=1)
         ends = {f"{name}_low": found.min(axis=1), f"{name}_high": found.max(axis=1)}

@@ -50,10 +50,10 @@ def section(files: TaskFiles) -> Section:
 def find_surfaces(tables: Tables) -> Findings:
     """Findings, by the names that claims and sentences use; predictions are NMSEs by material."""
     find, channels = Findings("slides"), tables["channels"]
-    own = dict(list(tables["left_one_out"].groupby("material")["rms"]))
-    across = tables["across_materials"].groupby("expected", sort=False)["rms"]
+    own = dict(list(tables["left_one_out"].dropna(subset="standard").groupby("material")["standard"]))
+    across = tables["across_materials"].groupby("expected", sort=False)["standard"]
     either = {name: (its, own[name]) for name, its in across if name in own}
-    find.by(group_difference, "other_material", either or None, missing=TOO_FEW)
+    find.by(group_ratio, "other_material", either or None, missing=TOO_FEW)
     strong = channels[channels["channels"] == "strong"]
     for name, table in (("predicted", tables["left_one_out"]), ("predicted_strong", strong)):
         cases, alone = dict(list(table.groupby("material")["nmse"])), "no slide could be left out"
@@ -61,16 +61,16 @@ def find_surfaces(tables: Tables) -> Findings:
     return find
 
 
-def group_difference(first: np.ndarray, second: np.ndarray, comparisons: int = 1) -> Evidence:
-    """Mean of (N,) minus mean of (M,) unpaired samples, with Welch's interval."""
+def group_ratio(first: np.ndarray, second: np.ndarray, comparisons: int = 1) -> Evidence:
+    """Ratio of the geometric means of unpaired positive samples (N,) and (M,); Welch's interval of logs."""
     from scipy import stats
 
     if min(len(first), len(second)) < 2:
         return unknown(TOO_FEW)
-    test = stats.ttest_ind(np.asarray(first), np.asarray(second), equal_var=False)
-    interval = test.confidence_interval(confidence(comparisons))
-    value = float(np.mean(first) - np.mean(second))
-    return Evidence(value, interval.low, interval.high, len(first) + len(second))
+    first, second = np.log(first), np.log(second)
+    interval = stats.ttest_ind(first, second, equal_var=False).confidence_interval(confidence(comparisons))
+    value, low, high = np.exp([np.mean(first) - np.mean(second), interval.low, interval.high]).tolist()
+    return Evidence(value, low, high, len(first) + len(second))
 
 
 def by_channels(tables: Tables) -> pd.DataFrame:
@@ -106,7 +106,7 @@ def surface_facts(tables: Tables, find: Findings) -> dict[str, object]:
         "material": material_of(learned.iloc[0]),
         "predicted": listing(better, ""),
         "worst": deviations.loc[deviations["rms"].idxmax()].to_dict(),
-        "more_counts": {name: in_words(its, ".1f") for name, its in list(by_material)[:FEW]},
+        "more": {name: in_words(its, ".2f") for name, its in list(by_material)[:FEW]},
         "nmse_of": {name: channels[name].to_dict() for name in channels.index.unique(0)[:FEW]},
     }
 
