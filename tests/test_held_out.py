@@ -110,8 +110,6 @@ from structlearn.tasks.project import STAGES
 from structlearn.tasks.touch import skin_force, skin_protocol, skin_readings, surface_traces
 from structlearn.tasks.touch.skin_touches import learn_skin
 from structlearn.tasks.touch.surface_traces import deviations_from_expected
-from structlearn.tasks.touch.touch_names import MAGNITUDES, NEW_TRIALS
-from structlearn.tasks.touch.touch_names import SLIDES as SLIDE_SET
 
 HOLDS_NOTHING_OUT = {
     "simulates": "engines studies/cell scraping/record_nominal scraping/record_corrections "
@@ -801,13 +799,12 @@ def latent_spaces(monkeypatch, tmp_path):
 
 @of_stage(
     "recorded/transfer",
-    fits="transfer._errors latent_training.learn_spaces latent_training.learn_from",
+    fits="transfer._errors transfer._components latent_training.learn_spaces latent_training.learn_from",
 )
 def recorded_touch(monkeypatch, tmp_path):
-    """What was learned of two slides while the two others were left out, and its units."""
+    """What was learned of three slides while the first was held out, and its units."""
     toy = test_touch_transfer
-    names = (SLIDE_SET, MAGNITUDES)
-    data = [toy.touch_set(name, ("a", "a", "b", "b"), seed) for seed, name in enumerate(names)]
+    data = [toy.touch_set(name, 4, seed) for seed, name in enumerate((toy.SLIDES, toy.MAGNITUDES))]
 
     def changed(trial):
         slides = data[0]
@@ -815,21 +812,12 @@ def recorded_touch(monkeypatch, tmp_path):
         return [replace(slides, samples=samples), data[1]]
 
     def learn(sets):
-        return touch_transfer.learn_transfer(sets, toy.SKIN, toy.FEW)
+        return touch_transfer.learn_transfer(sets, toy.FEW)
 
-    (first, *_), *_ = touch_transfer.parts_left_out(data[0], toy.FEW.folds)[NEW_TRIALS]
-    spaces = each(monkeypatch, touch_transfer, "learn_spaces", learn)
-    units = each(monkeypatch, touch_transfer, "own_units", spaces)
-    errors = each(monkeypatch, touch_transfer, "_errors", units)
-
-    def on_known(its):
-        """Errors on what all models, components among them, were learned from."""
-        return [table[table["new"] == touch_transfer.LEARNED] for table in errors(its)]
-
-    sets = data, changed(first), changed(first + 1)
-    return [
-        Case(lambda its, learned=learned: learned(its)[0], *sets) for learned in (on_known, units, spaces)
-    ]
+    names = ("learn_spaces", "own_units", "_components")
+    fitted = [each(monkeypatch, touch_transfer, name, learn) for name in names]
+    sets = data, changed(0), changed(1)
+    return [Case(lambda its, learned=learned: learned(its)[0], *sets) for learned in fitted]
 
 
 SKIN = committed_entry(

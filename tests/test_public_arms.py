@@ -64,7 +64,7 @@ def test_without_a_rest_or_a_load_the_remaining_findings_are_there(root):
     tables |= {name: tables[name][:0] for name in ("loads", "load_draws", "carried")}
     results = MotionResults(tables, PARAMETERS)
     found = verdicts(root, "ur10e", results)
-    assert found["assumed_gains"] == found["load"] == found["load_carried"] == "not tested"
+    assert found["assumed_gains"] == found["load_kg"] == found["load_carried"] == "not tested"
     assert found["errors"] == "yes"
     assert motion_facts(results)["rest_log"] is None
     assert "motion_loads" not in motion_tables(results)

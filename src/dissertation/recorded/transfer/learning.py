@@ -223,14 +223,12 @@ def _errors(
     work: tuple[TouchSet, TouchSet | None, int, np.ndarray, LatentSpaceParameters],
 ) -> pd.DataFrame:
     """Errors of all models learned from a set without one part of its trials."""
-    from sklearn.decomposition import PCA
-
     source, partner, part, trials, parameters = work
     samples, pairs = source.without(trials), parameters.evaluation_pairs
     units = own_units(samples, source.geodesics)
     models = learn_spaces(samples, source.geodesics, units, parameters)
-    learned = units.signals(samples.signals[samples.split == TRAIN])
-    components, rows = PCA(DIMENSIONS).fit(learned), []
+    middle, axes = _components(units.signals(samples.signals[samples.split == TRAIN]))
+    rows = []
 
     def seen(touches: TouchSet, its: TouchDataset, its_units: TouchUnits, split: int) -> SplitData:
         return split_data(its_units, its, touches.geodesics, split, pairs, np.random.default_rng(split))
@@ -245,12 +243,20 @@ def _errors(
         tests[partner.name] = data, data
     for name, (data, every) in tests.items():
         rows += [(name, *row) for row in _latent_errors(models, data, every)]
-        its = data.signals.numpy()
-        left = components.inverse_transform(components.transform(its)) - its
+        its = data.signals.numpy() - middle
+        left = its @ axes.T @ axes - its
         error = float(((left**2).mean(axis=0) / every.signals.numpy().var(axis=0)).mean())
         rows.append((name, COMPONENTS, 0, error, np.nan, np.nan))
     columns = ["test_run", "model", "seed", "reconstruction", "distances", "pressure"]
     return pd.DataFrame(rows, columns=columns).assign(learned_from=source.name, part=part)
+
+
+def _components(signals: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Mean (E,) and principal components (`DIMENSIONS`, E) of signals (N, E)."""
+    from sklearn.decomposition import PCA
+
+    found = PCA(DIMENSIONS).fit(signals)
+    return found.mean_, found.components_
 
 
 @torch.no_grad()
