@@ -22,7 +22,7 @@ MODELS = {
 }
 """NMSE of every joint."""
 
-JOINTS = {"panda": 7, "ur10e": 6, "kuka_lwr4": 7}
+JOINTS = {"panda": 7, "ur10e": 6, "kuka_lwr4": 7, "kuka_lwr4_differing": 7}
 
 
 def rows(keys: Mapping[str, object], **columns) -> pd.DataFrame:

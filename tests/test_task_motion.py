@@ -27,7 +27,7 @@ from structlearn.rigid_body.robot import Robot, read_urdf
 from structlearn.rigid_body.tree import LinkInertias
 from structlearn.tasks.motion.joint_motion import learn_motion
 from structlearn.tasks.motion.parameters import LARGEST_CONDITION, MotionParameters
-from structlearn.tasks.motion.repeats import repeat_lines, repeats
+from structlearn.tasks.motion.repeated_motion import repeat_lines, repeats
 
 
 def parameters(**changes) -> MotionParameters:

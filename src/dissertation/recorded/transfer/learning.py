@@ -10,13 +10,12 @@ none below zero: the direction of a change is lost, so each electrode counts as 
 compared with magnitudes.
 """
 
-from collections.abc import Collection, Iterator, Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
 import pandas as pd
-import torch
 
 from dissertation.recorded.transfer.finger_statistics import compared, pca_dimensions
 from dissertation.recorded.transfer.parameters import TransferParameters
@@ -31,8 +30,7 @@ from structlearn.readers import read_recordings, synchronise
 from structlearn.readers.demonstration import Demonstration, Recording, read_streams
 from structlearn.tactile.electrodes import SKINS, Skin
 from structlearn.tactile.geodesics import Geodesics, geodesics
-from structlearn.tactile.latent_comparison import SplitData, split_data
-from structlearn.tactile.latent_models import LatentModels, map_distance
+from structlearn.tactile.latent_comparison import SplitData, latent_errors, split_data
 from structlearn.tactile.latent_parameters import GeodesicParameters, LatentSpaceParameters
 from structlearn.tactile.latent_training import learn_spaces, own_units
 from structlearn.tactile.touch_dataset import (
@@ -228,7 +226,7 @@ def _errors(
     units = own_units(samples, source.geodesics)
     models = learn_spaces(samples, source.geodesics, units, parameters)
     middle, axes = _components(units.signals(samples.signals[samples.split == TRAIN]))
-    rows = []
+    tables = []
 
     def seen(touches: TouchSet, its: TouchDataset, its_units: TouchUnits, split: int) -> SplitData:
         return split_data(its_units, its, touches.geodesics, split, pairs, np.random.default_rng(split))
@@ -241,14 +239,16 @@ def _errors(
         whole = partner.without(())
         data = seen(partner, whole, own_units(whole, partner.geodesics), TRAIN)
         tests[partner.name] = data, data
-    for name, (data, every) in tests.items():
-        rows += [(name, *row) for row in _latent_errors(models, data, every)]
+    for name, (data, whole_set) in tests.items():
+        tables.append(latent_errors(models, {name: data}, whole_set).drop(columns="worst_electrode"))
         its = data.signals.numpy() - middle
-        left = its @ axes.T @ axes - its
-        error = float(((left**2).mean(axis=0) / every.signals.numpy().var(axis=0)).mean())
-        rows.append((name, COMPONENTS, 0, error, np.nan, np.nan))
-    columns = ["test_run", "model", "seed", "reconstruction", "distances", "pressure"]
-    return pd.DataFrame(rows, columns=columns).assign(learned_from=source.name, part=part)
+        squared = ((its @ axes.T @ axes - its) ** 2).mean(axis=0)
+        error = float((squared / whole_set.signals.numpy().var(axis=0)).mean())
+        rival = {"split": [name], "model": COMPONENTS, "seed": 0, "reconstruction": error}
+        tables.append(pd.DataFrame(rival))
+    found = pd.concat(tables, ignore_index=True).rename(columns={"split": "test_run"})
+    model = found.pop("structure").map({True: STRUCTURED, False: PLAIN})
+    return found.assign(model=found["model"].fillna(model), learned_from=source.name, part=part)
 
 
 def _components(signals: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
@@ -257,23 +257,3 @@ def _components(signals: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
 
     found = PCA(DIMENSIONS).fit(signals)
     return found.mean_, found.components_
-
-
-@torch.no_grad()
-def _latent_errors(
-    models: LatentModels, data: SplitData, every: SplitData
-) -> Iterator[tuple[str, int, float, float, float]]:
-    """Model, seed and errors of every latent space on some samples, relative to the variance of a set."""
-    encoder, count = models.autoencoders.encoder, len(models)
-    signals, first, second = (its.T.expand(count, -1, -1) for its in (data.signals, data.first, data.second))
-    latent = encoder.forward(signals)
-    distance = map_distance(encoder.forward(first), encoder.forward(second))
-    electrodes = (models.autoencoders.decoder.forward(latent) - signals).square().mean(dim=2)  # (M, E)
-    squares = (
-        (electrodes / every.signals.var(dim=0)).mean(dim=1),
-        (distance - data.geodesic).square().mean(dim=1) / every.geodesic.var(),
-        (latent[:, 2] - data.pressure).square().mean(dim=1) / every.pressure.var(),
-    )
-    for place, (structure, seed) in enumerate(models.keys()):
-        reconstruction, distances, pressure = (float(its[place]) for its in squares)
-        yield STRUCTURED if structure else PLAIN, seed, reconstruction, distances, pressure

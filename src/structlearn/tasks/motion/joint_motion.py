@@ -49,7 +49,7 @@ from structlearn.tasks.motion.parameters import (
     MotionParameters,
     NetworkChoiceParameters,
 )
-from structlearn.tasks.motion.repeats import repeats
+from structlearn.tasks.motion.repeated_motion import repeats
 from structlearn.tasks.task_files import is_public, local_path, write_tables
 
 TEST = "test"  # test part, unless it is a named log

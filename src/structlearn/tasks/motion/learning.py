@@ -7,7 +7,7 @@ from structlearn.core.errors import InputError
 from structlearn.rigid_body.log_fitness import fitness_lines
 from structlearn.tasks.motion.joint_motion import learn_motion, read_arm
 from structlearn.tasks.motion.parameters import MotionParameters, read_logs
-from structlearn.tasks.motion.repeats import repeat_lines
+from structlearn.tasks.motion.repeated_motion import repeat_lines
 from structlearn.tasks.task_files import TaskFiles, is_public, leave_out
 
 
