@@ -37,7 +37,6 @@ from dissertation.dynamics.protocol.trainings import OURS, PUBLISHED
 from dissertation.evidence.claims import NO, Claim, read_claims
 from dissertation.evidence.studies import OURS as STUDIED
 from dissertation.evidence.studies import Study
-from dissertation.recorded.calibration.calibration_section import find_calibration
 from dissertation.recorded.coupling.page import representation_findings
 from dissertation.scraping.page import findings as scraping
 from dissertation.scraping.page.findings import ScrapingPeople
@@ -201,12 +200,6 @@ PAGES = {
         lambda get: [stored()],
         test_scraping_page.refinement_evidence,
         chosen=lambda place: place.removeprefix("tables.") in REFINEMENT_TABLES,
-    ),
-    "calibration": Page(
-        of_package("recorded.calibration", "calibration_claims.yaml"),
-        lambda get: [test_touch_page.calibrated(1.0)],
-        find_calibration,
-        chosen=lambda place: place == "comparison",
     ),
     **{
         name: Page(of_task(name), lambda get, made=made: [made()], find)

@@ -18,7 +18,6 @@ LACKING = (
     "segmentation",
     "feedback",
     "refinement",
-    "calibration",
     "boxes",
     "avoidance",
     "eflesh",
