@@ -1,6 +1,5 @@
 """A small world of feedback results in memory, for the tests of the report."""
 
-from collections.abc import Mapping
 from itertools import product
 
 import numpy as np
@@ -8,7 +7,6 @@ import pandas as pd
 from conftest import minimum_jerk
 from reporting_scraping import DT, grid
 
-from dissertation.evidence.studies import OURS, Study
 from dissertation.scraping.protocol.feedback_models import REPRESENTATIONS, STOPPINGS, paired_orderings
 from dissertation.scraping.world.demonstrator import FLAT_ORIENTATION
 from structlearn.core import quaternion
@@ -136,6 +134,8 @@ def traces(gain: float = 2.0) -> pd.DataFrame:
         keys = {"model": model, "primitive": primitive, "setting_deg": setting, "run": run}
         keys |= {"time_s": 0.02 * np.arange(50), "coupling": coupling}
         keys |= {f"channel_{index:02d}": rng.normal(size=50) for index in range(CHANNELS)}
+        if model != "nominal":  # as in the demonstrations
+            keys[f"channel_{TELLING:02d}"] -= 4.0 * setting
         tables.append(pd.DataFrame(keys))
     return pd.concat(tables, ignore_index=True)
 
@@ -146,21 +146,6 @@ def path_errors() -> pd.DataFrame:
     table = grid(model=level, primitive=ADAPTED, setting_deg=SETTINGS, demonstration=range(3))
     noise = 0.01 * np.random.default_rng(4).normal(size=len(table))
     return table.assign(error_deg=table["model"].map(level) + noise)
-
-
-def people(metrics: dict[str, float], count: int = 5, spread: float = 0.01, **changes: float) -> Study:
-    """A study of people who differ by a little from given numbers; `changes` replace some of these."""
-    return forms({OURS: dict(metrics) | changes}, count, spread)
-
-
-def forms(metrics: Mapping[str, Mapping[str, float]], count: int = 5, spread: float = 0.01) -> Study:
-    """The same in several forms, by variant."""
-    rng = np.random.default_rng(5)
-    tables = []
-    for variant, numbers in metrics.items():
-        columns = {key: value * (1.0 + spread * rng.normal(size=count)) for key, value in numbers.items()}
-        tables.append(pd.DataFrame({"variant": variant, "cell": range(count)} | columns))
-    return Study({"findings": pd.concat(tables, ignore_index=True)})
 
 
 def feedback_stages() -> tuple[dict[str, object], dict[str, pd.DataFrame]]:

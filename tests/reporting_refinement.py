@@ -12,7 +12,10 @@ from committed import ROOT, committed
 from reporting_feedback import ADAPTED, SEEN, execution, feedback_stages
 from reporting_scraping import FIT, PARAMETERS, cut_stages, demonstration, grid
 
+from dissertation.evidence.studies import OURS, Study
+from dissertation.scraping.page.findings import PUBLISHED
 from dissertation.scraping.page.stored import Stored
+from dissertation.scraping.protocol import results
 from dissertation.scraping.protocol.board_refinement import BoardRefinementParameters
 from dissertation.scraping.protocol.execution_scores import AFTER, BEFORE, NOMINAL
 from dissertation.scraping.protocol.sample_efficiency import CMA_ES, PI2
@@ -130,7 +133,7 @@ def every_stage() -> Stored:
     stages = cut_stages([demonstration(seed) for seed in range(3)]), feedback_stages(), refinement_stages()
     own_fields = {name: part for parts, _ in stages for name, part in parts.items()}
     tables = {name: table for _, its in stages for name, table in its.items()}
-    return Stored(parameters=listed | own, study=None, tables=tables, **own_fields)
+    return Stored(parameters=listed | own, tables=tables, **own_fields)
 
 
 def stored(**changes: object) -> Stored:
@@ -139,3 +142,41 @@ def stored(**changes: object) -> Stored:
     tables = {name: table for name, table in changes.items() if name not in names}
     own = {name: part for name, part in changes.items() if name in names}
     return replace(every_stage(), tables=every_stage().tables | tables, **own)
+
+
+PERSON, SWEPT = 9, range(3)
+
+
+def results_of(its: Stored, *pages: str) -> pd.DataFrame:
+    """Table of results of these outputs, of some pages or of all."""
+    parameters, tables = its.parameters, its.tables
+    parts = {
+        "segmentation": lambda: [
+            results.of_cuts(its.demonstrations, its.segmentation, parameters["segment"].primitives),
+            results.of_primitives(tables, parameters["fit_primitives"].regression),
+        ],
+        "feedback": lambda: [
+            results.of_models(tables, its.networks),
+            results.of_executions(tables, its.datasets, parameters["testbed"].control.force_n),
+        ],
+        "refinement": lambda: [
+            results.of_refinement(tables, parameters["refine"]),
+            results.of_searches(tables),
+        ],
+    }
+    chosen = [part for page in pages or parts for part in parts[page]()]
+    sweep = results.of_sweep(tables) if "segmentation" in (pages or parts) else []
+    return results.scraping_results(PERSON, chosen, sweep)
+
+
+def people(
+    ours: pd.DataFrame, published: pd.DataFrame | None = None, count: int = 5, spread: float = 0.01
+) -> Study:
+    """A study of people whose results differ by a little from given ones, in both forms."""
+    rng, parts = np.random.default_rng(5), []
+    for variant, table in ((OURS, ours), (PUBLISHED, ours if published is None else published)):
+        own = table[table["person"] == PERSON]
+        for person in range(11, 11 + count):
+            values = own["value"] * (1.0 + spread * rng.normal(size=len(own)))
+            parts.append(own.assign(value=values, person=person, variant=variant, cell=str(person)))
+    return Study(pd.concat(parts, ignore_index=True))

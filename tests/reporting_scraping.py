@@ -70,6 +70,15 @@ def noise_table(advantage_ms: float = 5.0) -> pd.DataFrame:
     return pd.DataFrame(rows, columns=columns)
 
 
+def threshold_table(zvc_ms: float = 20.0, others_ms: float = 2.0) -> pd.DataFrame:
+    """Errors of three people that grow with the threshold of the crossing, by so much per factor."""
+    table = grid(factor=(0.5, 1.0, 2.0), seed=range(3), method=METHODS)
+    rng = np.random.default_rng(1)
+    slope = np.where(table["method"] == "zvc", zvc_ms, others_ms) + 0.1 * rng.random(len(table))
+    error = 0.04 + 1e-3 * slope * table["factor"]
+    return table.assign(demonstration="02", primitive="down", start_error_s=error, end_error_s=-error)
+
+
 def work_table(power: float = 2.0, shift: float = 0.5, published: float = 0.6) -> pd.DataFrame:
     """What down-sampling does to three people: work falls with a power of g, cuts shift by coarse samples."""
     table = grid(seed=range(3), factor=(1, 2, 4))
@@ -100,6 +109,7 @@ def cut_stages(demonstrations: list[Demonstration]) -> tuple[dict[str, object], 
     names = segmentation.primitives
     tables = {
         "noise": noise_table(),
+        "thresholds": threshold_table(),
         "downsampling": downsampling_effect(demonstrations, parameters, (1, 2)),
         "downsampling_people": work_table(),
         "reproduction": cross_validation(demonstrations, segmentation.results, FIT),

@@ -15,6 +15,7 @@ from importlib.resources import files
 from itertools import chain, product
 from typing import Any
 
+import dynamics_tables
 import motion_tables
 import numpy as np
 import pandas as pd
@@ -24,26 +25,17 @@ import test_servoing_page
 import test_tasks_obstacles
 import test_touch_page
 from committed import ROOT, committed_entry
-from dynamics_tables import dynamics_results
-from reporting_feedback import PRIMITIVES, feedback_stages, people
+from reporting_feedback import feedback_stages
 from reporting_refinement import refinement_stages, stored
 from reporting_scraping import PARAMETERS, demonstration
 from test_obstacles_page import find as obstacles_findings
 from test_obstacles_page import results as obstacles_results  # noqa: F401 a fixture
-from test_servoing_page import results as servoing_results  # noqa: F401 a fixture
 
-from dissertation.dynamics.page.findings import findings as dynamics_findings
-from dissertation.dynamics.protocol.trainings import OURS, PUBLISHED
+from dissertation.dynamics.protocol.trainings import PLAIN
 from dissertation.evidence.claims import NO, Claim, read_claims
-from dissertation.evidence.studies import OURS as STUDIED
-from dissertation.evidence.studies import Study
 from dissertation.recorded.coupling.page import representation_findings
-from dissertation.scraping.page import findings as scraping
-from dissertation.scraping.page.findings import ScrapingPeople
 from dissertation.scraping.protocol.cut_sweep import downsampling_effect
-from dissertation.servoing.page import findings as servoing_findings
 from structlearn.reporting.evidence import Evidence, Found
-from structlearn.reporting.findings import Findings
 from structlearn.tasks.motion.motion_results import MotionResults, motion_findings
 from structlearn.tasks.obstacles.page import SceneWays, scene_findings
 
@@ -77,53 +69,18 @@ class Page:
 
 
 def dynamics() -> list[Any]:
-    """Five seeds and robots; and the same where networks met the criterion as published."""
-    few = dynamics_results()
-    more = {
-        place: pd.concat([table, table.assign(seed=table["seed"] + 100).query("seed < 113")])
-        for place, table in tables(few).items()
+    """Five seeds and robots; and the same where networks met the criterion with the plain loss too."""
+    made = {
+        name: pd.concat([table, table.assign(seed=table["seed"] + 100).query("seed < 113")])
         if "seed" in table
+        else table
+        for name, table in dynamics_tables.dynamics_tables().items()
     }
-    made = with_tables(few, more)
-    scores = made.scores[made.scores["form"] == OURS]
-    there = set(made.scores.loc[made.scores["form"] == PUBLISHED, "model"])
-    learned = scores[~scores["model"].isin(there)].assign(form=PUBLISHED)
-    met = replace(made, scores=pd.concat([made.scores, learned]), outcomes=made.outcomes.assign(met=True))
-    return [met, made]
-
-
-def servoing(results: Any) -> list[Any]:
-    """Published controllers that work, on all skins, but lose the contact; and a study of people."""
-    wobble = np.tile(test_servoing_page.WOBBLE, 3)
-    table = pd.DataFrame({"variant": STUDIED, "cell": range(len(wobble))})
-    keys = list(servoing_findings.findings(results).numbers())
-    numbers = pd.DataFrame({key: (10.0 if "lost" in key else 0.9) + 0.1 * wobble for key in keys})
-    study = Study({"findings": pd.concat([table, numbers], axis=1)})
-    every = {one: 12 for one in test_servoing_page.variants(3)}
-    working = replace(
-        results,
-        loops=test_servoing_page.comparison(every),
-        skin_tables=test_servoing_page.skin_tables(published=12, ours=12),
-        study=study,
-    )
-    return [working, results]
-
-
-def over_people(results: Any) -> Findings:
-    """What is found over people, on which all claims rest."""
-    find = Findings()
-    servoing_findings.over_people(find, results)
-    return find
-
-
-def segmentation_of_people(results: Any) -> Findings:
-    """Of the page on segmentation: what the sweep and a study of people like this one find."""
-    find = test_scraping_page.sweep_evidence(results)
-    aligned = [primitive.name for primitive in results.found_primitives]
-    scraping.segmentation_of_people(
-        find, ScrapingPeople(people(find.numbers()), scraping.OURS, PRIMITIVES), aligned
-    )
-    return find
+    scores = made["scores"]
+    there = set(scores.loc[scores["form"] == PLAIN, "model"])
+    learned = scores[(scores["form"] != "") & ~scores["model"].isin(there)].assign(form=PLAIN)
+    outcomes = made["outcomes"].assign(met=True)
+    return [made | {"scores": pd.concat([scores, learned]), "outcomes": outcomes}, made]
 
 
 def arithmetic() -> dict[str, set[str]]:
@@ -132,7 +89,8 @@ def arithmetic() -> dict[str, set[str]]:
         downsampling_effect([demonstration(seed) for seed in seeds], PARAMETERS, (1, 2))
         for seeds in (range(2), range(3, 5))
     )
-    return {"tables.downsampling": {name for name in first if first[name].equals(second[name])}}
+    same = {name for name in first if first[name].equals(second[name])}
+    return {"tables.downsampling": same, "tables.downsampling_people": {"work"}}  # cells are counted
 
 
 def deaf_to_phase(results: Any) -> Any:
@@ -175,30 +133,38 @@ MADE_UP = {
     "avoidance": (test_tasks_obstacles.made_up_scores, representation_findings),
 } | {name: (made, test_touch_page.FIND[name]) for name, made in test_touch_page.MADE_UP.items()}
 PAGES = {
-    "dynamics": Page(of_package("dynamics.page"), lambda get: dynamics(), dynamics_findings),
+    "dynamics": Page(of_package("dynamics.page"), lambda get: dynamics(), dynamics_tables.findings_of),
     "obstacles": Page(
         of_package("obstacles.page"),
         lambda get: [get("obstacles_results")],
         obstacles_findings,
     ),
-    "servoing": Page(of_package("servoing.page"), lambda get: servoing(get("servoing_results")), over_people),
+    "servoing": Page(
+        of_package("servoing.page"),
+        lambda get: [
+            {"results": test_servoing_page.people(reached)}
+            for reached in (test_servoing_page.CRITICAL, test_servoing_page.HARMFUL)
+        ],
+        lambda its: test_servoing_page.found(its["results"]),
+        known=lambda: {"results": {"steps"}},
+    ),
     "segmentation": Page(
         of_package(SCRAPING, "segmentation_claims.yaml"),
         lambda get: [stored()],
-        segmentation_of_people,
+        partial(test_scraping_page.evidence, "segmentation"),
         known=arithmetic,
         chosen=lambda place: place.rpartition(".")[2] not in FEEDBACK_TABLES | REFINEMENT_TABLES,
     ),
     "feedback": Page(
         of_package(SCRAPING, "feedback_claims.yaml"),
         lambda get: [stored(), deaf_to_phase(stored())],
-        test_scraping_page.feedback_evidence,
+        partial(test_scraping_page.evidence, "feedback"),
         chosen=lambda place: place.removeprefix("tables.") in FEEDBACK_TABLES,
     ),
     "refinement": Page(
         of_package(SCRAPING, "refinement_claims.yaml"),
         lambda get: [stored()],
-        test_scraping_page.refinement_evidence,
+        partial(test_scraping_page.evidence, "refinement"),
         chosen=lambda place: place.removeprefix("tables.") in REFINEMENT_TABLES,
     ),
     **{
@@ -346,7 +312,7 @@ def search(page: Page, results: Any, left: set[Case]) -> None:
         try:
             with np.errstate(all="ignore"):
                 its = found_for(page, page.evidence(with_tables(results, changed)))
-        except (KeyError, ValueError, IndexError, ZeroDivisionError):
+        except (KeyError, ValueError, IndexError, ZeroDivisionError, OverflowError):
             return {}  # nobody can have measured such tables
         for claim in page.claims:
             own = {key: one for key, one in its.items() if key[0] == claim.evidence}

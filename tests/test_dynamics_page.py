@@ -1,19 +1,29 @@
 """The page of the dynamics testbed, on made-up results."""
 
-from dataclasses import replace
-
 import numpy as np
 import pytest
 import reporting_verdicts
-from committed import committed
-from dynamics_tables import SEEDS, dynamics_results, iiwa, payload_table
+import yaml
+from committed import PARAMETER_FILE, ROOT, committed, read_yaml
+from dynamics_tables import (
+    SEEDS,
+    dynamics_tables,
+    findings_of,
+    iiwa,
+    parameters,
+    payload_table,
+    population_of,
+)
 
 from dissertation.dynamics import page
 from dissertation.dynamics.names import IDEAL, ROBOT
-from dissertation.dynamics.page import findings as page_findings
+from dissertation.dynamics.page.findings import findings, published
 from dissertation.dynamics.page.page import dynamics_page, tables
-from dissertation.dynamics.protocol.trainings import OURS, PUBLISHED
+from dissertation.dynamics.protocol.trainings import CHOSEN, FORMS, PLAIN
+from dissertation.dynamics.protocol.truth import friction_table, known_errors, residual_torques
 from dissertation.dynamics.world.joint_logs import PerturbedRobotParameters, perturbed_mechanics
+from dissertation.evidence.results import with_study
+from dissertation.evidence.studies import Study, StudyProvenance, digests
 from structlearn.reporting.document import render
 from structlearn.rigid_body.dynamics_models import DynamicsModels
 from structlearn.rigid_body.inertia_parameters import free_parameters
@@ -22,133 +32,171 @@ from structlearn.rigid_body.motion import Motion
 
 
 @pytest.fixture(scope="module")
-def results():
-    return dynamics_results()
+def raw():
+    return dynamics_tables()
 
 
-def rendered(results):
+def rendered(raw):
     """The page without its figures being drawn."""
-    return render(dynamics_page(results, page_findings.findings(results)), reporting_verdicts.AnyFigure())
+    made = dynamics_page(population_of(raw), findings_of(raw), raw, parameters(), None)
+    return render(made, reporting_verdicts.AnyFigure())
 
 
-def verdicts(results):
-    return reporting_verdicts.verdicts(page.__name__, page_findings.findings(results))
+def verdicts(raw):
+    return reporting_verdicts.verdicts(page.__name__, findings_of(raw))
 
 
 @pytest.fixture(scope="module")
-def told(results):
-    """Verdicts as the results stand."""
-    return verdicts(results)
+def told(raw):
+    """Verdicts as the tables stand."""
+    return verdicts(raw)
 
 
-def changed(results, table, chosen, **columns):
+def changed(raw, table, chosen, **columns):
     """The same with other values in some rows of a table, given as wanted values by column."""
-    frame = getattr(results, table).copy()
+    frame = raw[table].copy()
     mask = np.logical_and.reduce([frame[name] == value for name, value in chosen.items()])
     frame.loc[mask, list(columns)] = list(columns.values())
-    return replace(results, **{table: frame})
+    return raw | {table: frame}
 
 
-def with_scores(results, model, robot=IDEAL, **columns):
-    return changed(results, "scores", {"model": model, "robot": robot, "task": "reach"}, **columns)
+def with_scores(raw, model, robot=IDEAL, **columns):
+    return changed(raw, "scores", {"model": model, "robot": robot, "task": "reach"}, **columns)
 
 
-def untracked(results, model, arm, form):
+def untracked(raw, model, arm, form):
     """The same, with a model that did not meet the criterion in a form."""
-    scores = results.scores
+    scores = raw["scores"]
     gone = (scores["model"] == model) & (scores["robot"] == arm) & (scores["form"] == form)
-    its = changed(results, "outcomes", {"model": model, "arm": arm, "form": form}, met=False)
-    return replace(its, scores=scores[~gone])
+    its = changed(raw, "outcomes", {"model": model, "arm": arm, "form": form}, met=False)
+    return its | {"scores": scores[~gone]}
 
 
-def test_findings_are_those_of_the_tables(results):
-    every = page_findings.findings(results).numbers()
-    assert (every["epochs_cov"], every["epochs_cov_plain"]) == pytest.approx((2, 2))
-    assert (every["epochs_mlp"], every["epochs_mlp_plain"]) == pytest.approx((20, every["epochs_limit"]))
-    assert "ee_velocity_nmse_mlp_plain" not in every  # it did not meet the criterion
-    assert every["ee_velocity_nmse_mlp"] == pytest.approx(5.5)
+def test_findings_are_those_of_the_tables(raw):
+    every = findings_of(raw).numbers()
+    assert (every["epochs_chosen_Cov"], every["epochs_plain_Cov"]) == pytest.approx((2, 2))
+    assert every["epochs_of_others_chosen_MLP"] == pytest.approx(20)
+    assert every["epochs_of_others_plain_MLP"] == pytest.approx(64)  # the limit
+    assert "over_strict_plain_MLP" not in every  # it did not meet the criterion
+    assert every["robot_feedback_chosen_Cov"] == pytest.approx(1 / 3)
     assert every["rnea_max_error_nm"] == 3e-13
-    assert every["base_parameters"] == 3
-    assert every["robots"] == len(SEEDS)
     assert every["payload_mass_error_share"] == pytest.approx(0.01 / 1.5)
+    assert every["viscous_factor"] == pytest.approx(4.0)
+    assert every["spd_consistent"] == 0
 
 
-def test_claims_hold_where_the_tables_say_so(results):
-    better = results
-    for model in ("mlp_scaled", "nostr", "symm"):  # made up to be as good as the truth
+def test_claims_hold_where_the_tables_say_so(raw):
+    better = raw
+    for model in ("nostr", "symm"):  # made up to be as good as the truth
         better = with_scores(better, model, velocity_nmse=0.05)
+    better = changed(better, "outcomes", {"arm": ROBOT, "model": "cov"}, nmse_mean=0.35)
     found = verdicts(better)
-    both = ("epochs", "epochs_more", "above_truth", "robot_gain", "robot_reaches", "static_friction")
-    yes = {f"{claim}_{form}" for claim in both for form in (PUBLISHED, OURS)}
-    yes |= {"over_strict_ours", "robot_networks_ours", "robot_mlp_ours"}
-    yes |= {"online_course", "online_final", "online_scaled"}
-    assert {found[name] for name in yes | {"payload_mass_error_share", "rnea_max_error_nm"}} == {"yes"}
+    both = ("epochs", "epochs_more", "above_truth", "robot_reaches")
+    yes = {f"{claim}_{form}" for claim in both for form in FORMS}
+    yes |= {f"{name}_{CHOSEN}" for name in ("over_strict", "over_less", "robot_networks", "robot_mlp")}
+    yes |= {"oscillation", "part_nmse", "part_more", "robot_feedback_chosen", "spd_consistent"}
+    yes |= {"online_course_normalised", "online_course_raw", "online_half_normalised", "online_scaled"}
+    assert {name for name in yes if found[name] != "yes"} == set()
+    assert found["static_friction_chosen"] == "holds by construction"
 
 
-def test_what_one_form_finds_decides_nothing_in_the_other(results, told):
-    for form, other in ((PUBLISHED, OURS), (OURS, PUBLISHED)):
-        slow = changed(results, "outcomes", {"model": "cov", "arm": IDEAL, "form": form}, epochs=9.0)
+def test_what_one_form_finds_decides_nothing_in_the_other(raw, told):
+    for form, other in ((CHOSEN, PLAIN), (PLAIN, CHOSEN)):
+        slow = changed(raw, "outcomes", {"model": "cov", "arm": IDEAL, "form": form}, epochs=9.0)
         found = verdicts(slow)
         assert (found[f"epochs_{form}"], found[f"epochs_{other}"]) == ("no", told[f"epochs_{other}"])
 
 
-def test_nothing_follows_from_a_network_that_never_met_the_criterion(results, told):
-    for claim in ("over_strict_published", "robot_mlp_published", "robot_delan_stopped_published"):
-        assert told[claim] == "not tested"
-    assert told["robot_networks_published"] == "no"
-    assert told["robot_mlp_ours"] == "yes"
-    without = verdicts(untracked(untracked(results, "mlp", IDEAL, OURS), "mlp", ROBOT, OURS))
-    assert without["robot_mlp_ours"] == "not tested"
-    assert "not tested: no network of this kind met the criterion" in rendered(results)
+def test_nothing_follows_from_a_network_that_never_met_the_criterion(raw, told):
+    assert told["robot_networks_plain"] == "no"
+    assert told["robot_mlp_chosen"] == "yes"
+    without = verdicts(untracked(untracked(raw, "mlp", IDEAL, CHOSEN), "mlp", ROBOT, CHOSEN))
+    assert without["robot_mlp_chosen"] == without["over_strict_chosen"] == "not tested"
 
 
-def test_a_stopped_run_counts_as_an_arm_that_does_not_move(results):
+def test_an_error_above_that_of_a_constant_ranks_nobody(raw):
+    """Online, where models of which both are useless differ by orders of magnitude."""
+    online = raw["online"].assign(nmse=raw["online"]["nmse"] * 1e6)
+    assert verdicts(raw | {"online": online})["online_half_normalised"] == "no"
+
+
+def test_a_stopped_run_counts_as_an_arm_that_does_not_move(raw):
     """It may have been stopped before any error could grow, or before any was measured."""
     for error in (1e-9, np.nan):
-        halted = with_scores(results, "delan", ROBOT, velocity_nmse=error, position_nmse=error)
-        values = page_findings.findings(halted).numbers()
-        found = (values["robot_ee_velocity_nmse_delan"], values["robot_unstable_delan"])
-        assert found == (1.0, len(SEEDS))
-    table = tables(halted)["robot"].frame.set_index(["model", "source"])
-    assert table.loc[("DeLaN", "our training"), "reach_velocity"] == "unstable"
-    assert table.loc[("DeLaN", "our training"), "stopped"] == "3 of 6"
-    assert table.loc[("DeLaN", "as published"), "reach_velocity"] == "not tested"
+        halted = with_scores(raw, "delan", ROBOT, velocity_nmse=error, position_nmse=error)
+        results = population_of(halted).results
+        assert set(results.each("velocity_nmse", arm=ROBOT, model="delan", task="reach")) == {1.0}
+    table = tables(results, halted)["robot"].frame.set_index(["model", "source"])
+    assert table.loc[("DeLaN", "chosen training"), "stopped"] == "3 of 6"
+    assert table.loc[("DeLaN", "chosen training"), "reach_velocity"] == "unstable"
+    assert table.loc[("DeLaN", "plain loss"), "reach_velocity"] == "not tested"
     assert table.loc[("DeLaN", "dissertation"), "reach_velocity"] == "unstable"
 
 
-def test_tables_stand_beside_the_published_ones(results):
-    found = tables(results)
+def test_tables_stand_beside_the_published_ones(raw):
+    found = tables(population_of(raw).results, raw)
     table = found["simulation"].frame.set_index(["model", "source"])
     assert table.loc[("Cov", "dissertation"), "epochs"] == "2 ± 1"
-    assert table.loc[("Cov", "as published"), "epochs"] == "2.0 ± 0.0"
-    assert (
-        table.loc[("MLP", "as published"), "epochs"]
-        == f"> {results.chosen['train_dynamics'].epochs.simulation}"
-    )
-    assert table.loc[("MLP", "our training"), "reach_velocity"] == "5.500 ± 0.500"
+    assert table.loc[("Cov", "plain loss"), "epochs"] == "2.0 ± 0.0"
+    assert table.loc[("MLP", "plain loss"), "epochs"] == "> 64"
+    assert table.loc[("MLP", "chosen training"), "reach_velocity"] == "5.500 ± 0.500"
     for name in ("simulation", "robot"):
-        assert (found[name].frame["source"] == "dissertation").sum() == len(page_findings.published()[name])
-        assert {row for row in page_findings.published()[name]} <= set(NAMES)
+        assert (found[name].frame["source"] == "dissertation").sum() == len(published()[name])
+        assert {row for row in published()[name]} <= set(NAMES)
     errors = found["robot_errors"].frame.set_index(["model", "form"])
     assert errors.loc[("default (URDF)", ""), "mean"] == pytest.approx(0.3)
-    assert errors.loc[("Cov", "our training"), "joint_3"] == pytest.approx(0.033)
-    assert errors.loc[("Cov + Coulomb", "as published"), "mean"] == pytest.approx(0.0044)
+    assert errors.loc[("Cov", "chosen training"), "joint_3"] == pytest.approx(0.033)
+    assert errors.loc[("Cov + Coulomb", "plain loss"), "mean"] == pytest.approx(0.0044)
     bodies = found["bodies"].frame.set_index("model")
     assert bodies.loc["Cov", "possible"] == bodies.loc["Cov", "links"] == 7 * len(SEEDS)
-    assert bodies.loc["SPD", "positive_definite"] == 7 * len(SEEDS)
-    assert bodies.loc["SPD", "possible"] == 0
+    assert (bodies.loc["SPD", "positive_definite"], bodies.loc["SPD", "possible"]) == (7 * len(SEEDS), 0)
+    choice = found["choice"].frame.set_index("model")
+    assert choice.loc["Cov", ["loss", "rate", "epochs", "raw"]].tolist() == pytest.approx(
+        ["normalised", 0.003, 0.9, 128.0]
+    )
 
 
-def test_a_payload_is_settled_when_its_mass_stays_right(results):
-    assert set(results.settling_s) == {4.0}
-    late = payload_table(settled_after=20.0)
-    assert set(replace(results, payload=late).settling_s) == {21.0}
+def test_a_payload_is_settled_when_its_mass_stays_right(raw):
+    assert findings_of(raw).numbers()["payload_settling_median"] == 4
+    late = findings_of(raw | {"payload": payload_table(settled_after=20.0)}).numbers()
+    assert (late["payload_settling_max"], late["payload_settled"]) == (21, len(SEEDS))
     wrong = payload_table()
     wrong.loc[wrong["time_s"] == wrong["time_s"].max(), "mass_kg"] = 1.0
-    never = replace(results, payload=wrong)
-    assert never.settling_s.isna().all()
-    assert page_findings.findings(never).numbers()["payload_settled"] == 0
+    never = raw | {"payload": wrong}
+    assert findings_of(never).numbers()["payload_settled"] == 0
     assert rendered(never)
+
+
+def test_after_a_change_of_tracking_what_was_learned_keeps_its_study(raw, tmp_path, monkeypatch):
+    """Rows of the moved stage are this run's; the study's, made with other parameters, stand beside."""
+    values = read_yaml(PARAMETER_FILE)
+    keys = ["arm", "arm_motion", "dynamics_robots", "online", "perturbed_robot", "record_motion", "track"]
+    seeds = ["dynamics_robots.test", "train_dynamics.seeds", "online.seeds"]
+    made = {"parameters": digests(values, [*keys, "train_dynamics"], seeds), "seeds": seeds}
+    own = population_of(raw).one.table
+    more = own.assign(seed=own["seed"] + 100, variant="ours", cell="111-113")
+    study = Study(more, StudyProvenance(**made, cells={}, check=None))
+    (tmp_path / "dvc.yaml").write_bytes((ROOT / "dvc.yaml").read_bytes())
+    monkeypatch.chdir(tmp_path)
+    found = {}
+    for name, goals in (("same", 5), ("moved", 4)):
+        values["track"]["reaching"]["goals"] = goals
+        (tmp_path / "params.yaml").write_text(yaml.safe_dump(values))
+        population = with_study(own, study, "seed", [], variant="ours")
+        assert population.moved == (name == "moved")
+        found[name] = findings(population, [1e-13])
+    same, moved = (its["over_strict_chosen"]["MLP"] for its in found.values())
+    assert (same.n, same.remark) == (len(SEEDS), "")
+    assert moved.n == 1
+    assert moved.remark.startswith("one person; ")
+    assert moved.remark.endswith("with other parameters")
+    assert np.isinf(moved.high)
+    judged = [reporting_verdicts.cases(page.__name__, its) for its in found.values()]
+    kept = ("epochs_chosen", "online_course_raw", "robot_gain_chosen", "payload_mass_error_share")
+    for evidence in kept:
+        assert found["same"][evidence] == found["moved"][evidence]
+        assert judged[0][evidence] == judged[1][evidence]
+    assert set(judged[1]["over_strict_chosen"].values()) == {"undecided"}
 
 
 def test_what_is_known_explains_a_log_made_with_it():
@@ -165,12 +213,12 @@ def test_what_is_known_explains_a_log_made_with_it():
     }
     truth = DynamicsModels("cov", arm.tree.names, terms, (), state)
     motion = Motion(*states, np.zeros((60, 7)))
-    residuals = page_findings.residual_torques(arm, truth, motion, 10.0)
+    residuals = residual_torques(arm, truth, motion, 10.0)
     speed, friction = (residuals[name].to_numpy() for name in ("velocity_rad_s", "friction_n_m"))
     assert np.all(np.sign(speed) == np.sign(friction))
     measured = (friction - residuals["residual_n_m"].to_numpy()).reshape(60, 7)  # links and friction
-    errors = page_findings.known_errors(arm, mechanics, Motion(*states, measured)).set_index("model")["nmse"]
+    errors = known_errors(arm, mechanics, Motion(*states, measured)).set_index("model")["nmse"]
     assert errors[GROUND_TRUTH].max() < 1e-6
     assert errors[DEFAULT].min() > 1e-3
-    table = page_findings.friction_table({"cov_coulomb": truth}, mechanics)
+    table = friction_table({"cov_coulomb": truth}, mechanics)
     assert np.allclose(table["value"], table["truth"])

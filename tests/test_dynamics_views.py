@@ -9,7 +9,7 @@ from viewer_files import note, values, view_names
 from dissertation.dynamics import recordings as views
 from dissertation.dynamics.names import ROBOT
 from dissertation.dynamics.protocol.tracking import tracked_reaches
-from dissertation.dynamics.protocol.trainings import OURS
+from dissertation.dynamics.protocol.trainings import CHOSEN
 from dissertation.dynamics.world.joint_logs import PayloadParameters
 from dissertation.dynamics.world.operational_space import tool_motion
 from structlearn.readers.joint_log import JointLog
@@ -33,7 +33,7 @@ def chosen(**changes):
 def shown():
     scores, paths = tracking_tables()
     models = (DEFAULT, "mlp", "delan", "cov_coulomb", "never tracked")
-    return tracked_reaches(paths, scores, ROBOT, OURS, models, TREE.names)
+    return tracked_reaches(paths, scores, ROBOT, CHOSEN, models, TREE.names)
 
 
 @pytest.fixture(scope="module")

@@ -9,7 +9,6 @@ from hypothesis import strategies as st
 from dissertation.scraping.protocol import execution_scores
 from structlearn.core import quaternion
 from structlearn.core.errors import InputError
-from structlearn.core.metrics import mean_interval
 from structlearn.feedback.coupling_targets import SupervisionParameters, executed_primitive
 from structlearn.primitives import canonical
 from structlearn.primitives.vector import fit_expected_traces
@@ -96,29 +95,6 @@ def test_force_and_torque_are_missing_where_no_wrench_was_recorded():
     assert table.loc[table["run"] == "02", "force_n"].notna().all()
     assert table["cost_rad"].notna().all()
     assert "force_n" not in scores(execution(wrench=None))
-
-
-def hand_made():
-    """Two runs in two settings: feedback halves the cost in one, in the other the mean stays the same."""
-    rows = []
-    for setting, nominal, ours in ((5.0, (10.0, 14.0), (5.0, 7.0)), (10.0, (20.0, 30.0), (30.0, 20.0))):
-        for run, (theirs, own) in enumerate(zip(nominal, ours, strict=True), start=1):
-            for model, total in (("nominal", theirs), ("ours", own)):
-                for primitive, share in (("turn", 0.25), ("scrape", 0.75)):
-                    rows.append((model, setting, f"{run:02d}", primitive, share * total))
-    columns = ["model", "setting_deg", "run", "primitive", "cost_rad"]
-    return pd.DataFrame(rows, columns=columns)
-
-
-def test_ratios_are_of_the_mean_costs_over_all_primitives():
-    ratios = execution_scores.cost_ratios(hand_made(), "ours")
-    assert ratios["setting_deg"].tolist() == [5.0, 10.0]
-    np.testing.assert_allclose(ratios["ratio"], [0.5, 1.0])
-    np.testing.assert_allclose(ratios["lower_rad"], [6.0, 0.0])
-    halves = [mean_interval(np.array(differences))[1] for differences in ((5.0, 7.0), (-10.0, 10.0))]
-    np.testing.assert_allclose(ratios["half_width"], halves)
-    shuffled = hand_made().sample(frac=1.0, random_state=0)  # runs are paired by name
-    pd.testing.assert_frame_equal(execution_scores.cost_ratios(shuffled, "ours"), ratios)
 
 
 @pytest.fixture(scope="module")

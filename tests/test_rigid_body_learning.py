@@ -2,19 +2,21 @@ from dataclasses import replace
 from itertools import product
 
 import numpy as np
+import pandas as pd
 import pytest
 import torch
-from committed import committed
+from committed import ROOT, committed
 from newton_euler import inverse_dynamics
 from rigid_body_robots import COULOMB, VISCOUS, arm, carrying, motion_with_friction, sine_motion
 
 from dissertation.dynamics.protocol import trainings as protocol
+from dissertation.dynamics.protocol.training_choice import TABLE, choose, try_trainings
 from dissertation.simulation.arm import Payload
 from structlearn.core.metrics import nmse
 from structlearn.networks.torch_settings import Adam, AdamParameters, seeded
 from structlearn.rigid_body import compiled_dynamics
 from structlearn.rigid_body import dynamics_training as training
-from structlearn.rigid_body.dynamics_models import rigid_body_torques
+from structlearn.rigid_body.dynamics_models import predicted_torques, rigid_body_torques
 from structlearn.rigid_body.friction import friction_coefficients, friction_columns
 from structlearn.rigid_body.inertia_parameters import STRUCTURES, link_inertias
 from structlearn.rigid_body.motion import Motion
@@ -255,19 +257,17 @@ def trained():
 
 def test_all_models_of_an_arm_and_its_robots_are_trained_and_tabulated(trained):
     models, errors, outcomes = trained
-    ours = ("mlp", "mlp_scaled", "delan", "cov")
-    published = ("mlp", "delan", "cov")  # the scaled perceptron has no published form
-    forms = [*product((protocol.PUBLISHED,), published), *product((protocol.OURS,), ours)]
+    chosen = ("mlp", "mlp_scaled", "delan", "cov")
+    plain = ("mlp", "delan", "cov")  # the scaled perceptron has no plain form
+    forms = [*product((protocol.PLAIN,), plain), *product((protocol.CHOSEN,), chosen)]
     expected = {f"{motion}/{form}/{kind}" for motion, (form, kind) in product(MOTIONS, forms)}
-    expected |= {
-        f"perturbed/{robot}/{form}/cov_coulomb"
-        for robot in ROBOTS
-        for form in (protocol.PUBLISHED, protocol.OURS)
-    }
+    expected |= {f"part/chosen/{kind}" for kind in chosen}
+    expected |= {f"perturbed/{robot}/{form}/cov_coulomb" for robot in ROBOTS for form in protocol.FORMS}
     assert set(models) == expected
     for name, learned in models.items():
-        terms = 0 if "mlp" in name or name.startswith("iiwa") else 2 if "coulomb" in name else 1
-        assert learned.friction_coefficients().shape == (2 if name.startswith("iiwa") else 1, 7, terms)
+        simulated = name.startswith(("iiwa", "part"))
+        terms = 0 if "mlp" in name or simulated else 2 if "coulomb" in name else 1
+        assert learned.friction_coefficients().shape == (2 if simulated else 1, 7, terms)
     keys = ["arm", "model", "form", "seed"]
     assert not outcomes.duplicated(keys).any()
     seeds = outcomes.groupby("arm")["seed"].unique()
@@ -282,9 +282,7 @@ def test_what_may_be_tracked_with_met_the_criterion_of_its_arm():
     """In simulation on every joint; on a robot's log on average, which is asked of networks alone."""
     limits = protocol.EpochLimits(simulation=3, robot=3)
     learning = TRAININGS.learning.model_copy(update={"threshold": 0.3})
-    parameters = TRAININGS.model_copy(
-        update={"epochs": limits, "learning": learning, "forms": (protocol.OURS,)}
-    )
+    parameters = TRAININGS.model_copy(update={"epochs": limits, "learning": learning})
     motions = {"iiwa": sine_motion(arm(), 600), "perturbed/11": motion_with_friction(arm())}
     _, _, outcomes = protocol.train_all(
         protocol.trainings((11,), parameters), motions, arm().tree, parameters
@@ -303,7 +301,7 @@ def test_epochs_are_counted_to_the_first_at_which_all_joints_are_good_enough(tra
     limit, threshold = TRAININGS.epochs.simulation, TRAININGS.learning.threshold
     keys, reached = ["model", "form", "seed"], 0
     for key, its in errors.groupby(keys):
-        by_epoch = its.pivot(index="epoch", columns="joint", values="nmse")
+        by_epoch = its.pivot_table("nmse", "epoch", "joint")
         (outcome,) = outcomes[(outcomes[keys] == list(key)).all(axis=1)].itertuples()
         good, but_last = (
             table.index[(table <= threshold).all(axis=1) & (table.index > 0)]
@@ -316,10 +314,36 @@ def test_epochs_are_counted_to_the_first_at_which_all_joints_are_good_enough(tra
         assert outcome.nmse_max == pytest.approx(kept.max())
         reached += len(good) > 0
     assert 0 < reached < len(outcomes)
-    compared = protocol.optimiser_scores(outcomes, limit)
-    ours = outcomes[(outcomes["form"] == protocol.OURS) & (outcomes["model"] == "mlp")]
-    assert compared["epochs_mlp"] == ours["epochs"].fillna(limit).mean()
-    assert compared["worst_mlp"] == pytest.approx(np.exp(np.log(ours["nmse_max"]).mean()))
+
+
+def test_a_model_of_a_part_is_scored_on_the_whole_motion(trained):
+    models, _, outcomes = trained
+    its = outcomes[(outcomes["arm"] == "part") & (outcomes["model"] == "cov")]
+    motion = sine_motion(arm(), 400).part(slice(None, None, TRAININGS.stride))
+    torques = predicted_torques(models["part/chosen/cov"], arm().tree, motion)
+    np.testing.assert_allclose(its["nmse_mean"], [nmse(one, motion.torque).mean() for one in torques])
+
+
+def test_the_choice_is_that_of_the_table_in_git():
+    """Among all that were tried, with seeds and a motion that nothing is judged on."""
+    table, parameters = (
+        pd.read_csv(ROOT / TABLE),
+        committed(protocol.DynamicsTrainingParameters, "train_dynamics"),
+    )
+    assert choose(table) == parameters.chosen
+    assert not {*table["seed"]} & {*parameters.seeds}
+
+
+def test_the_fewest_epochs_are_chosen_and_of_equal_ones_the_lowest_error():
+    columns = ["model", "loss", "batch", "rate", "seed", "epochs", "nmse_max"]
+    rows = [("cov", "raw", 64, 0.01, 1, np.nan, 0.5), ("cov", "normalised", 64, 0.01, 1, 3.0, 0.09)]
+    rows += [("cov", "normalised", 64, 0.03, 1, 3.0, 0.02), ("cov", "normalised", 256, 0.03, 1, 4.0, 0.01)]
+    chosen = choose(pd.DataFrame(rows, columns=columns))["cov"]
+    assert (chosen.loss, chosen.batch, chosen.rate) == ("normalised", 64, 0.03)
+    motion = sine_motion(arm(), 200)
+    tried = try_trainings(["cov"], training.TrainingData(arm().tree, motion), TRAININGS.learning, 2)
+    assert len(tried) == 2 * 2 * 3 * 3
+    assert (tried["epochs"].isna() == (tried["nmse_max"] > TRAININGS.learning.threshold)).all()
 
 
 def test_online_learning_sees_every_batch_once():

@@ -6,25 +6,18 @@ import numpy as np
 import pandas as pd
 import pytest
 import reporting_verdicts
-from committed import committed
+import yaml
+from committed import ROOT, committed
 from tactile_toy import toy_dataset
 
-from dissertation.evidence.claims import claims_table
-from dissertation.evidence.studies import OURS as STUDIED
-from dissertation.evidence.studies import Study
+from dissertation.evidence.results import Population as Joined
+from dissertation.evidence.results import Results
+from dissertation.evidence.studies import Study, StudyProvenance, digests
 from dissertation.servoing.names import AS_PUBLISHED, DYNAMICS, OURS, STILL
 from dissertation.servoing.page import page
-from dissertation.servoing.page.findings import (
-    AS_PUBLISHED_LL,
-    ModelScores,
-    ServoingResults,
-    contact_bias,
-    findings,
-    forward_case,
-    over_people,
-    rate_case,
-    rated,
-)
+from dissertation.servoing.page.findings import AS_PUBLISHED_LL, findings, register
+from dissertation.servoing.page.shown import Shown
+from dissertation.servoing.protocol.results import servoing_results
 from dissertation.servoing.protocol.servo_trials import MOTIONS
 from dissertation.servoing.protocol.servo_variants import (
     OtherSkinsParameters,
@@ -35,7 +28,6 @@ from dissertation.simulation.touch_demonstrator import ToucherParameters
 from structlearn.core.params import Population
 from structlearn.core.rates import rate_interval
 from structlearn.reporting.document import render
-from structlearn.reporting.evidence import Evidence
 from structlearn.reporting.findings import Findings
 from structlearn.tactile.electrodes import SKINS
 from structlearn.tactile.latent_parameters import GeodesicParameters, LatentParameters
@@ -148,21 +140,46 @@ def comparison(reached=None):
     return {name: pd.DataFrame(rows) for name, rows in tables.items()}
 
 
-def skin_tables(published=0, ours=10):
-    """Of two skins; so many of twelve targets are reached by the published controller and ours."""
-    parts = []
-    for name in ("sphere", "flat_pad"):
-        found = {
-            "latent": latent_table(),
-            "directions": direction_table(),
-            "trials": comparison({AS_PUBLISHED: published, OURS: ours})["trials"],
-        }
-        parts.append({key: table.assign(skin=name) for key, table in found.items()})
-    return {key: pd.concat([part[key] for part in parts], ignore_index=True) for key in parts[0]}
+def models():
+    """Tables of `LatentComparison`, but the map."""
+    tables = {"latent": latent_table(), "forward": forward_table(), "decoded": decoded_table()}
+    return tables | {"directions": direction_table(), "curve": curve_table()}
+
+
+def loops(reached=None, elsewhere=None):
+    """Closed loops, with the sphere and the flat pad too."""
+    skins = [comparison(elsewhere)["trials"].assign(skin=name) for name in ("sphere", "flat_pad")]
+    return comparison(reached) | {"other_skins": pd.concat(skins, ignore_index=True)}
+
+
+def people(reached=None, elsewhere=None, count=4):
+    """Table of results of people whose values are spread about the same ones, with the same trials."""
+    one = servoing_results(0, 1.0, models(), loops(reached, elsewhere))
+    tables = [one.assign(person=person) for person in range(count)]
+    for person, table in enumerate(tables):
+        spread_out = table["quantity"].str.contains("nmse|cosine")
+        table["value"] *= np.where(spread_out, 1.0 + WOBBLE[person], 1.0)
+    return pd.concat(tables, ignore_index=True)
+
+
+def found(table):
+    """Findings on a table of results."""
+    find, results = Findings(), Results(table, "person")
+    register.evaluate(find, Joined(results, results, None))
+    return find
+
+
+def verdicts(table):
+    return reporting_verdicts.verdicts("dissertation.servoing.page", found(table))
+
+
+WORKS = dict.fromkeys(variants(CHOSEN["servo"].horizon), 12)
+CRITICAL = {one: 12 * (one.structure and one.with_loss) for one in WORKS}  # structure and loss
+HARMFUL = {one: 12 - reached for one, reached in CRITICAL.items()}
 
 
 @pytest.fixture(scope="module")
-def results():
+def shown():
     rng = np.random.default_rng(0)
     dataset = toy_dataset()
     along, across = rng.uniform(-0.012, -0.004, len(dataset)), rng.uniform(-0.006, 0.006, len(dataset))
@@ -172,151 +189,129 @@ def results():
     mirrored = 1e2 * np.stack([across, along], axis=1) + 0.3
     latent_map = pd.DataFrame({"x": mirrored[:, 0], "y": mirrored[:, 1], "z": dataset.pressure})
     latent_map["electrode"] = dataset.signals.argmin(axis=1) + 1
-    parts = latent_table(), forward_table(), decoded_table(), direction_table(), curve_table()
-    models = ModelScores(*parts, latent_map)
-    reached = {OURS: 12, replace(OURS, structure=False): 6, replace(OURS, inverse="LL"): 12}
-    return ServoingResults(dataset, truth, models, comparison(reached), skin_tables(), CHOSEN, None)
+    other = {key: table.assign(skin="sphere") for key, table in models().items()}
+    reached = {OURS: 12, replace(OURS, structure=False): 6}
+    return Shown(dataset, truth, models() | {"latent_map": latent_map}, loops(reached), other, CHOSEN)
 
 
-@pytest.fixture(scope="module")
-def shown(results):
-    return page.tables(results)
+def test_results_are_means_over_models_and_sums_over_targets():
+    table = Results(people({OURS: 6}, count=1), "person")
+    keys = {"space": "structure", "model": "NJ", "loss": "NJ"}
+    assert table.each("distances_nmse", space="structure", split="test")[0] == pytest.approx(0.005 * 0.98)
+    cosine = table.each("cosine_distance", **keys, target="followed")[0]
+    assert cosine == pytest.approx(0.1 * 0.98)
+    loop = keys | {"controller": "adaptive", "change": "", "steps": 1, "skin": "own"}
+    assert table.each("reached", **loop, target="all")[0] == 6
+    assert table.each("reached", **loop, target="mixed")[0] == 2
+    assert table.each("trials", **loop, target="mixed")[0] == 4
+    assert table.each("lost", **loop, target="all")[0] == 0
 
 
-@pytest.fixture
-def document(shown, monkeypatch):
-    """Makes the page; its tables are those of the same models, whoever was studied."""
-    monkeypatch.setattr(page, "tables", lambda _: shown)
-    return page.document
-
-
-def with_people(results, table, times=1):
-    """Numbers of four people, so many times, spread about those of `table` where it has one for all."""
-    columns = {key: spread(value) if np.isscalar(value) else value for key, value in table.items()}
-    numbers = pd.concat([pd.DataFrame(columns)] * times, ignore_index=True)
-    whole = pd.DataFrame({"variant": STUDIED, "cell": range(len(numbers))})
-    return replace(results, study=Study({"findings": pd.concat([whole, numbers], axis=1)}))
-
-
-def predictions():
-    """Numbers of which all that the text says of predictions follows, but that structure helps them."""
-    found = {f"reconstruction_nmse_{split}": 0.05 for split in SPLITS}
-    found |= {f"mds_nmse_{split}": 0.005 for split in SPLITS}
-    for structure, error, pressure in ((True, 0.2, 0.5), (False, 0.1, 0.9)):
-        for kind in DYNAMICS:
-            for steps in (1, 2, 3):
-                found[f"forward_nmse_{forward_case(*kind, structure, steps)}"] = error * steps / 3
-            found[f"forward_nmse_{forward_case(*kind, structure, column='pressure')}"] = pressure
-    cosines = {f"cosine_distance_{name}": 0.1 if name == "nj" else 0.3 for name in ("ll", "ng", "nj")}
-    found |= cosines | {f"{key}_predicted": 0.5 * value for key, value in cosines.items()}
-    return found | {"cosine_distance_nj_without_loss": 0.7}
-
-
-def loops(default=0.1, lost=0, **rates):
-    """Shares by metric, with a skin's name before it; others have the default. Spread over people."""
-    cases = [rate_case(one) for one in rated()]
-    shown = (AS_PUBLISHED, AS_PUBLISHED_LL, OURS)
-    cases += [rate_case(one, skin) for skin in ("sphere", "flat_pad") for one in shown]
-    found = {f"servo_success_rate_{case}".strip("_"): rates.get(case or "ours", default) for case in cases}
-    return {key: np.minimum(spread(value), 1.0) for key, value in found.items()} | {
-        "servo_contacts_lost": np.full(4, lost)
+def test_claims_on_predictions_hold_where_numbers_say_so():
+    yes = verdicts(people())
+    decided = ("people_reconstruction_nmse", "people_mds_nmse", "grows", "nj_predicts", "loss_directs")
+    assert {yes[name] for name in (*decided, "easier", "loss_needed", "structure_predicts_pressure")} == {
+        "yes"
     }
-
-
-def everything(**changes):
-    return predictions() | loops() | changes
+    assert yes["structure_predicts"] == yes["loss_predicts"] == "no"  # the latter is equal for every person
 
 
 CONTROLLERS = [f"people_servo_success_rate{ending}" for ending in ("", "_published", "_ll_published")]
 
 
-def verdicts(results):
-    find = Findings()
-    over_people(find, results)
-    return reporting_verdicts.verdicts("dissertation.servoing.page", find)
+def test_a_failing_controller_is_compared_with_itself_on_other_skins():
+    few = dict.fromkeys(WORKS, 2)
+    none = verdicts(people(few, few))
+    assert {none[name] for name in (*CONTROLLERS, "geometry_aimed")} == {"no"}
+    half = {AS_PUBLISHED: 6, AS_PUBLISHED_LL: 6}
+    assert verdicts(people(half, WORKS))["geometry"] == "yes"
+    assert verdicts(people(half))["geometry"] == verdicts(people(half))["geometry_ll"] == "no"
 
 
-def test_claims_on_predictions_hold_where_numbers_say_so(results):
-    yes = verdicts(with_people(results, everything()))
-    decided = ("people_reconstruction_nmse", "people_mds_nmse", "grows", "nj_predicts", "loss_directs")
-    assert {yes[name] for name in (*decided, "easier", "structure_predicts_pressure")} == {"yes"}
-    assert yes["structure_predicts"] == yes["loss_predicts"] == "no"  # the latter is equal for every person
+def test_what_lacks_something_is_compared_over_all_inverse_models():
+    better = found(people(CRITICAL))
+    for name in ("structure_serves", "structure_serves_adaptive", "loss_serves"):
+        assert better[name].value == 100.0
+        assert better[name].n == 4
+    assert found(people(WORKS))["structure_serves"].value == 0.0
 
 
-def test_controllers_that_fail_say_nothing_of_what_they_would_need(results):
-    found = verdicts(with_people(results, everything()))
-    assert {found[name] for name in CONTROLLERS} == {"no"}  # each reaches one in ten
-    gated = ("loss_needed", "loss_needed_ll", "geometry", "geometry_ll")
-    assert {found[name] for name in gated} == {"not tested"}  # so nothing follows from its failing
-    assert found["geometry_aimed"] == "no"
-    works = {"ours": 1.0, "published": 0.9, "ll_published": 0.9, "ll": 0.9, "ng": 0.9, "ng_published": 0.9}
-    skins = {
-        f"{skin}{end}": 0.97 for skin in ("sphere", "flat_pad") for end in ("", "_published", "_ll_published")
+@pytest.fixture
+def study(tmp_path, monkeypatch):
+    """A study of four people with the committed parameters, in a project whose parameters can be changed."""
+    values = yaml.safe_load((ROOT / "params.yaml").read_text())
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "dvc.yaml").write_text((ROOT / "dvc.yaml").read_text())
+
+    def made(**servo):
+        (tmp_path / "params.yaml").write_text(yaml.safe_dump(values | {"servo": values["servo"] | servo}))
+        keys = ["servo", "train_latent", "toucher"]
+        provenance = StudyProvenance(parameters=digests(values, keys, []), seeds=[], cells={}, check=None)
+        return Study(people(WORKS).assign(variant="ours", cell="1"), provenance)
+
+    return made
+
+
+def test_a_changed_controller_leaves_what_was_found_on_models(study):
+    own = people({OURS: 6}, count=1).assign(person=9)
+    whole = findings(own, study())
+    assert whole["people_servo_success_rate"].people == whole["people"].value == 4
+    assert not whole["people_servo_success_rate"].remark
+    moved = findings(own, study(duration_s=4.0))
+    assert moved["people_mds_nmse"] == whole["people_mds_nmse"]
+    rate = moved["people_servo_success_rate"]
+    assert rate.value == 0.5
+    assert rate.remark.startswith("one person; ")
+    assert rate.remark.endswith("with other parameters")
+    before, after = (reporting_verdicts.verdicts("dissertation.servoing.page", its) for its in (whole, moved))
+    assert {name for name in before if before[name] != after[name]} <= {
+        name for name, its in moved.items() if "one person" in str(its)
     }
-    better = verdicts(with_people(results, everything(**loops(**works, **skins)), times=10))
-    good = (*CONTROLLERS, "people_servo_contacts_lost", *gated, "geometry_aimed")
-    assert {better[name] for name in good} == {"yes"}
-    assert better["structure_serves"] == better["structure_serves_resting"] == better["loss_serves"] == "yes"
 
 
 @pytest.mark.parametrize("studied", [False, True])
 def test_the_page_says_what_its_verdicts_rest_on_and_on_which_contacts_models_were_tested(
-    results, document, studied
+    shown, study, studied
 ):
-    results = with_people(results, everything()) if studied else results
-    text = render(document(results, findings(results)), reporting_verdicts.AnyFigure())
+    its = study() if studied else None
+    text = render(page.document(shown, findings(people(count=1), its), its), reporting_verdicts.AnyFigure())
     assert ("rest on the study servoing/people, made by unknown code, not repeated since." in text) == studied
+    assert ("(one person)" in text) != studied
+    assert "Batch normalisation" in text  # which was not tested
     count = 3 * (400 - 3 * 31)  # of 30 contacts, those with 7 as last digit
     assert f"(0 in 0 contacts of rotation, {count} in 3 contacts of translation)" in text
 
 
-def test_rows_say_that_they_are_quoted_and_none_repeats_the_numbers_of_another(results, document):
-    rng = np.random.default_rng(0)
-    found = with_people(results, {key: rng.uniform(0.6, 0.9, 40) for key in everything()})
-    rows = findings(found)
-    judged = document(found, rows).judged
-    assert set(claims_table(judged)["study"]) == {"servoing/people"}
-    its = [rows[one.claim.evidence] for one in judged]
-    values = [case.value for one in its for case in ([one] if isinstance(one, Evidence) else one.values())]
-    assert len(set(values)) == len(values) == sum(len(one.cases) for one in judged)
-
-
-def test_contact_errors_are_distances_between_estimate_and_truth(results):
-    shuffled = results.truth.sort_values("time_s", kind="stable")  # trials keep their order of appearance
-    errors = replace(results, truth=shuffled).contact_errors
-    np.testing.assert_allclose(results.map_on_skin, results.places, atol=1e-3)
+def test_contact_errors_are_distances_between_estimate_and_truth(shown):
+    shuffled = shown.truth.sort_values("time_s", kind="stable")  # trials keep their order of appearance
+    its = replace(shown, truth=shuffled)
+    errors = its.contact_errors
+    np.testing.assert_allclose(shown.map_on_skin, shown.places, atol=1e-3)
     np.testing.assert_allclose(errors["error_mm"], 1e3 * SHIFT_M, rtol=1e-4)
     np.testing.assert_allclose(errors["along_mm"], 1e3 * SHIFT_M, rtol=1e-4)
     np.testing.assert_allclose(errors["across_mm"], 0.0, atol=1e-4)
-    squares = contact_bias(errors)  # all of the error is the same everywhere
-    assert squares["squared_mm2"].sum() == pytest.approx(len(errors), rel=1e-3)
-    assert squares["samples"].sum() == len(errors)
+    assert its.fixed_share == pytest.approx(1.0, rel=1e-3)  # all of the error is the same everywhere
+    assert its.contact_bias["samples"].sum() == len(errors)
 
 
-def test_tables_are_means_over_seeds(results):
-    latent = page.latent_table(results.models).set_index(["space", "split"])
-    assert latent.loc[("structure", "test"), "reconstruction"] == pytest.approx(0.05)
+def test_tables_are_averages_over_seeds(shown):
+    near = {"rel": 1e-3}  # a geometric mean of values spread by 2 %
+    latent = page.latent_table(shown.models["latent"]).set_index(["space", "split"])
+    assert latent.loc[("structure", "test"), "reconstruction"] == pytest.approx(0.05, **near)
     assert latent.loc[("structure", "test"), "distances_worst"] == pytest.approx(0.005 * 1.02)
-    forward = page.forward_table(results.models).set_index(["model", "space", "steps"])
-    assert forward.loc[("NL with NJ's loss", "structure", 3), "nmse"] == pytest.approx(0.2)
-    assert forward.loc[("NL", "no structure", 3), "relative"] == pytest.approx(0.1 / 0.15)
-    directions = page.direction_table(results.models).set_index(["inverse", "loss", "space"])
-    assert directions.loc[("NJ", True, "structure"), "encoder"] == pytest.approx(0.1)
-    assert directions.loc[("NJ", True, "structure"), "encoder_linear"] == pytest.approx(0.15)
-    skins = page.skin_table(results).set_index("skin")
-    assert skins.loc["sphere", "NJ_linear"] == pytest.approx(0.15)
+    forward = page.forward_table(shown).set_index(["space", "model", "loss", "steps"])
+    assert forward.loc[("structure", "NL", "NJ", 3), "nmse"] == pytest.approx(0.2, **near)
+    assert forward.loc[("no structure", "NL", "none", 3), "relative"] == pytest.approx(0.1 / 0.15)
+    directions = page.direction_table(shown).set_index(["space", "model", "loss"])
+    assert directions.loc[("structure", "NJ", "NJ"), "followed"] == pytest.approx(0.1)
+    assert directions.loc[("structure", "NJ", "NJ"), "linear"] == pytest.approx(0.15)
+    assert page.skin_table(shown).set_index("skin").loc["sphere", "NJ_linear"] == pytest.approx(0.15)
 
 
-def test_controllers_are_counted_with_their_intervals(results):
-    ours = page.loop_table(results.trials).set_index(list(vars(OURS))).loc[tuple(vars(OURS).values())]
-    assert ours["rate"] == ours["rate_mixed"] == 1.0
-    assert ours["low"] == pytest.approx(rate_interval(np.full(2, 6), np.full(2, 6))[0])  # of two models
+def test_controllers_are_counted_with_their_intervals(shown):
+    table = page.loop_table(shown.trials).query("skin == 'own'").set_index(page.CONTROLLER)
+    ours = table.loc[tuple(page.controller_keys(OURS).values())]
+    assert ours["rate"] == ours["mixed"] == 1.0
+    assert ours["low"] == pytest.approx(rate_interval([6, 6], [6, 6])[0])  # 12 of 12, but of two models
     assert ours["path_ratio"] == pytest.approx(1.1)
     assert ours["reach_s"] == 2.0
-    assert results.models.steps_until("reconstruction", 0.25) == 100
-    assert results.models.steps_until("distances", 0.001) is None
-    values = findings(results).numbers()
-    assert values["servo_success_rate_nostruct"] == 0.5
-    assert values["servo_success_rate_published"] == values["servo_contacts_lost"] == 0
-    assert values["cosine_distance_nj"] == pytest.approx(0.1)
-    assert values["forward_nmse_chain3_nostruct"] == pytest.approx(0.1)

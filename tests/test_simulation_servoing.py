@@ -12,9 +12,7 @@ from hypothesis import strategies as st
 from dissertation.servoing.protocol import servo_scores
 from dissertation.servoing.protocol.servo_trials import MOTIONS, draw, make_scene
 from dissertation.servoing.protocol.servo_variants import (
-    ADAPTIVE,
     ServoTrialParameters,
-    ServoVariant,
     ToleranceParameters,
 )
 from dissertation.servoing.world.servo_loop import LoopParameters, LowPass, press_skin, servo
@@ -164,15 +162,3 @@ def test_rates_by_group_and_tolerance():
     assert table["lifted"].tolist() == [1, 0]
     curve = servo_scores.success_by_tolerance(trials, ["form"], np.array([0.5, 2.5]), 0.1)
     assert curve.groupby("form", sort=False)["rate"].agg(list).tolist() == [[0.5, 0.75], [0.0, 0.5]]
-
-
-def test_only_the_pressure_is_wrong_of_misses_whose_contact_is_near():
-    """Of one controller's trials; a contact at the very distance is near."""
-    rows = [(True, 0.1), (True, 5.0), (False, 0.1), (False, 1.0), (False, 1.1), (False, 9.0), (False, 9.0)]
-    table = pd.DataFrame(rows, columns=["success", "position_error_mm"])
-    one, other = ServoVariant(ADAPTIVE, "NJ"), ServoVariant(ADAPTIVE, "LL")
-    trials = pd.concat([table.assign(**vars(one)), table.iloc[::-2].assign(**vars(other))])
-    scores = servo_scores.ControllerScores(trials)
-    assert scores.only_pressed_wrong(one, 1.0) == 2
-    assert scores.only_pressed_wrong(one, 2.0) == 3
-    assert scores.only_pressed_wrong(other, 2.0) == 2

@@ -3,14 +3,11 @@
 import pandas as pd
 
 from dissertation.dynamics.files import as_motion, read_logs
-from dissertation.dynamics.protocol.trainings import (
-    DynamicsTrainingParameters,
-    optimiser_scores,
-    train_all,
-    trainings,
-)
+from dissertation.dynamics.protocol.trainings import CHOSEN, DynamicsTrainingParameters, train_all, trainings
+from dissertation.dynamics.protocol.truth import FRICTION_MODELS, friction_table, known_errors
+from dissertation.dynamics.world.joint_logs import PerturbedRobotParameters, perturbed_mechanics
 from dissertation.simulation.arm import ArmParameters
-from structlearn.core.artefacts import publish, write_metrics, write_table
+from structlearn.core.artefacts import publish, write_table
 from structlearn.core.stage import run, stage_parameters
 from structlearn.rigid_body.base_parameters import base_parameters, base_table, link_table
 from structlearn.rigid_body.dynamics_models import write_dynamics_models
@@ -38,6 +35,13 @@ def main() -> None:
                 (combinations, base_table(robot.tree, base, inertias, robot.inertias)),
             ):
                 tables.append(made.assign(**keys, seed=made["seed"].map(seeds)))
+    perturbed = stage_parameters("perturbed_robot", PerturbedRobotParameters)
+    known, friction = [], []
+    for seed in map(int, robots):
+        true, its = perturbed_mechanics(robot.tree, robot.inertias, perturbed, seed), f"{ROBOT}/{seed}"
+        learned = {name: models[f"{its}/{CHOSEN}/{name}"] for name in FRICTION_MODELS}
+        known.append(known_errors(robot, true, motions[its]).assign(seed=seed))
+        friction.append(friction_table(learned, true).assign(seed=seed))
     with publish("data/dynamics/models") as folder:
         for name, learned in models.items():
             write_dynamics_models(learned, folder / f"{name}.safetensors")
@@ -45,7 +49,8 @@ def main() -> None:
         write_table(outcomes, folder / "outcomes.parquet")
         write_table(pd.concat(links, ignore_index=True), folder / "links.parquet")
         write_table(pd.concat(combinations, ignore_index=True), folder / "base_parameters.parquet")
-        write_metrics(optimiser_scores(outcomes, parameters.epochs.simulation), folder / "scores.json")
+        write_table(pd.concat(known, ignore_index=True), folder / "known.parquet")
+        write_table(pd.concat(friction, ignore_index=True), folder / "friction.parquet")
 
 
 if __name__ == "__main__":

@@ -2,9 +2,11 @@
 
 from dissertation.evidence.claims import quoted_claims
 from dissertation.evidence.judged_page import publish_judged
+from dissertation.evidence.results import read_results
+from dissertation.evidence.studies import RESULTS, stored_study
 from dissertation.scraping.files import ScrapingFiles
-from dissertation.scraping.page.findings import findings
-from dissertation.scraping.page.page import drawings, pages, published
+from dissertation.scraping.page.findings import STUDY, findings
+from dissertation.scraping.page.page import beside, drawings, pages
 from dissertation.scraping.page.stored import read_stored
 from dissertation.scraping.page.tables import derived, tables
 from dissertation.scraping.protocol.board_refinement import BoardRefinementParameters
@@ -54,11 +56,12 @@ PARAMETERS = {
 def main() -> None:
     models = {key: model for page in PARAMETERS.values() for key, model in page.items()}
     parameters = {key: stage_parameters(key, model) for key, model in models.items()}
-    stored, printed = read_stored(ScrapingFiles(), parameters), published()
-    frames = derived(stored, printed)
-    find, shown = findings(stored, frames), tables(frames)
-    documents = pages(stored, frames, find, shown, printed, PARAMETERS)
-    drawn = drawings(stored, frames)
+    stored, own = read_stored(ScrapingFiles(), parameters), read_results("scraping")
+    study = stored_study(RESULTS / STUDY) if (RESULTS / STUDY).exists() else None
+    frames = derived(stored, beside("published"))
+    find, shown = findings(own, study, parameters["segment_sweep"].people), tables(frames)
+    documents = pages(stored, frames, find, shown, study, PARAMETERS)
+    drawn = drawings(stored, frames, own, study)
     publish_judged("reports/scraping", documents, drawn, shown, find, recorded=quoted_claims())
 
 

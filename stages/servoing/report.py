@@ -2,11 +2,13 @@
 
 from dissertation.evidence.claims import quoted_claims
 from dissertation.evidence.judged_page import publish_judged
-from dissertation.evidence.studies import read_study
+from dissertation.evidence.results import read_results
+from dissertation.evidence.studies import RESULTS, stored_study
 from dissertation.servoing import files
 from dissertation.servoing.page.figures import drawings
-from dissertation.servoing.page.findings import PEOPLE_STUDY, ModelScores, ServoingResults, findings
-from dissertation.servoing.page.page import document
+from dissertation.servoing.page.findings import PEOPLE_STUDY, findings
+from dissertation.servoing.page.page import PUBLISHED, document
+from dissertation.servoing.page.shown import Shown
 from dissertation.servoing.protocol.servo_variants import OtherSkinsParameters, ServoTrialParameters
 from dissertation.simulation.touch_demonstrator import ToucherParameters
 from structlearn.core.artefacts import read_table
@@ -27,20 +29,17 @@ PARAMETERS = {
 
 
 def main() -> None:
-    chosen = {key: stage_parameters(key, model) for key, model in PARAMETERS.items()}
-    loops = files.tables("loops")
-    skin_tables = files.tables("skins") | {"trials": loops.pop("other_skins")}
-    results = ServoingResults(
+    shown = Shown(
         dataset=read_dataset(files.MADE_BY["touch"][0]),
         truth=read_table(files.MADE_BY["contacts"][0]),
-        models=ModelScores(**files.tables("models")),
-        loops=loops,
-        skin_tables=skin_tables,
-        chosen=chosen,
-        study=read_study(PEOPLE_STUDY),
+        models=files.tables("models"),
+        loops=files.tables("loops"),
+        other_skins=files.tables("skins"),
+        chosen={key: stage_parameters(key, model) for key, model in PARAMETERS.items()},
     )
-    find = findings(results)
-    page, drawn = document(results, find), drawings(results)
+    study = stored_study(RESULTS / PEOPLE_STUDY)
+    find = findings(read_results("servoing"), study)
+    page, drawn = document(shown, find, study), drawings(shown, PUBLISHED)
     publish_judged("reports/servoing", {"index": page}, drawn, page.tables, find, recorded=quoted_claims())
 
 

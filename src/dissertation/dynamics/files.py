@@ -22,12 +22,14 @@ TABLES = {
     "outcomes": "models/outcomes",
     "links": "models/links",
     "base": "models/base_parameters",
+    "known": "models/known",
+    "friction": "models/friction",
     "scores": "tracking/scores",
     "paths": "tracking/paths",
     "online": "online/errors",
     "payload": "online/payload",
 }
-"""Path of each table; columns: see `protocol.trainings`, `protocol.tracking` and `rigid_body.payload`."""
+"""Path of each table; columns: see `protocol.trainings`, `truth`, `tracking` and `rigid_body.payload`."""
 
 
 def read_tables(*names: str) -> dict[str, pd.DataFrame]:

@@ -4,18 +4,19 @@ Display names of the models are in `rigid_body.model_names`. The colours are dis
 white background and on the viewer's dark one.
 """
 
+from collections.abc import Mapping
 from typing import Any
 
-from dissertation.dynamics.protocol.trainings import OURS, PUBLISHED
+from dissertation.dynamics.protocol.trainings import CHOSEN, PLAIN
 from structlearn.palette import BLUE, GREEN, GREY, LIGHT_BLUE, OCHRE, ORANGE, PINK, WHITE
 from structlearn.rigid_body.model_names import COULOMB, DEFAULT, GROUND_TRUTH, IDEAL, ROBOT
 
 SINE, REACH = "sine", "reach"  # tasks
-SHOWN_TRAINING = OURS  # training form of the models in pictures: the one in which networks learn best
+SHOWN_TRAINING = CHOSEN  # training form of the models in pictures
 
 ROBOT_TITLES = {IDEAL: "Arm as in its URDF", ROBOT: "Perturbed robots (simulated)"}
-FORM_TITLES = {PUBLISHED: "As published", OURS: "Our training"}
-LOSS_TITLES = {"raw": "Raw loss (as published)", "normalised": "Loss normalised per joint"}
+FORM_TITLES: Mapping[str, str] = {CHOSEN: "Chosen training", PLAIN: "Plain loss"}
+LOSS_TITLES = {"normalised": "Loss normalised per joint", "raw": "Raw loss (eq. III.2 as printed)"}
 
 REFERENCE = WHITE  # references, drawn wide: desired paths, measured torques, carried masses
 PAYLOAD = ORANGE

@@ -284,9 +284,7 @@ def claims_table(judged: Sequence[Judged], pages: Mapping[str, str] | None = Non
                 row |= {"number": number_in_words(found, claim.format), "study": found.study}
                 row |= {"value": found.value, "low": found.low, "high": found.high}
                 row["unit"] = claim.unit or found.unit
-            if found is not None and not np.isnan(
-                found.value
-            ):  # the bounds of cases that are unknown are too
+            if found is not None and not np.isnan(found.value):  # else its cases may be unknown
                 row["test"] = claim.test_of(case)
                 row["bound"] = " ".join(f"{bound:g}" for bound in np.atleast_1d(claim.bound_of(case)))
             rows.append(shared | row | of_set)

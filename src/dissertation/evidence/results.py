@@ -23,8 +23,9 @@ was changed. A finding without such rows shows this run's person, which decides 
 number, which was found with other parameters.
 """
 
-from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
+from collections.abc import Callable, Collection, Hashable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from functools import cached_property
 from pathlib import Path
 from typing import Any
 
@@ -34,7 +35,7 @@ import pandas as pd
 from dissertation.evidence.studies import Study, digests
 from structlearn.core.artefacts import read_table
 from structlearn.core.params import read_values
-from structlearn.reporting.evidence import Evidence, Found, in_words
+from structlearn.reporting.evidence import UNKNOWN, Evidence, Found, in_words
 from structlearn.reporting.findings import Findings
 
 FOLDER = Path("data/results")
@@ -79,13 +80,20 @@ class Results:
 
     def rows(self, quantity: str, **keys: object) -> pd.DataFrame:
         """Rows of a quantity of the population; of keys with a list or tuple, all its values."""
-        chosen = self.table["quantity"] == quantity
+        rows = self._of_population.get(quantity, self.table[:0])
+        chosen = np.ones(len(rows), bool)
         for name, wanted in keys.items():
-            column = self.table[name]
-            chosen &= column.isin(wanted) if isinstance(wanted, list | tuple) else column == wanted
+            several = isinstance(wanted, list | tuple)
+            chosen &= rows[name].isin(wanted) if several else rows[name].to_numpy(object) == wanted
+        return rows[chosen]
+
+    @cached_property
+    def _of_population(self) -> dict[Hashable, pd.DataFrame]:
+        """Rows of the population by quantity."""
+        chosen = self.table
         if self.population is not None:
-            chosen &= self.table[self.who].isin(list(self.population))
-        return self.table[chosen]
+            chosen = chosen[chosen[self.who].isin(list(self.population))]
+        return dict(iter(chosen.groupby("quantity", sort=False)))
 
     def each(self, quantity: str, **keys: object) -> pd.Series:
         """One value per person, indexed by person; empty if it was not run.
@@ -251,6 +259,8 @@ class Register:
 def evidence_of(finding: Finding, results: Results) -> Found:
     """Evidence of one finding in some results; who lacks one value of a pair does not count."""
     samples = finding.samples(results)
+    if isinstance(samples, dict) and not samples:
+        return UNKNOWN
     by_case = {case: _present(one) for case, one in samples.items()} if isinstance(samples, dict) else None
     return Findings().by(finding.statistic, finding.name, _present(samples) if by_case is None else by_case)
 
@@ -266,13 +276,11 @@ def _tested(found: Found) -> bool:
 
 
 def _of_one(found: Found) -> Found:
-    """Evidence of one person, which decides nothing."""
+    """Evidence of one person, which decides nothing; a share keeps its trials as n."""
     if isinstance(found, Evidence):
-        return replace(found, low=-np.inf, high=np.inf, widened=None, n=min(found.n, 1), remark="one person")
-    return {
-        case: replace(one, low=-np.inf, high=np.inf, widened=None, n=min(one.n, 1), remark="one person")
-        for case, one in found.items()
-    }
+        n = found.n if found.people else min(found.n, 1)
+        return replace(found, low=-np.inf, high=np.inf, widened=None, n=n, remark="one person")
+    return {case: _of_one(one) for case, one in found.items()}  # type: ignore[misc]
 
 
 def _beside(found: Found, other: Found, unit: str) -> Found:
@@ -282,6 +290,7 @@ def _beside(found: Found, other: Found, unit: str) -> Found:
             return found
         remark = f"{in_words(other, '.3g', unit)} with other parameters"
         return replace(found, remark=f"{found.remark}; {remark}" if found.remark else remark)
-    assert isinstance(found, Mapping)
-    assert isinstance(other, Mapping)  # the same function made both
-    return {case: _beside(one, other[case], unit) if case in other else one for case, one in found.items()}  # type: ignore[misc]
+    cases = dict(found) if isinstance(found, Mapping) else {}  # none, if nothing was found
+    others = dict(other) if isinstance(other, Mapping) else {}
+    cases |= {case: UNKNOWN for case in others if case not in cases}
+    return {case: _beside(one, others.get(case, UNKNOWN), unit) for case, one in cases.items()}  # type: ignore[misc]

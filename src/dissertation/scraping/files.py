@@ -19,6 +19,7 @@ CHECKS = "checks_"
 
 TABLES = {
     "noise": "segments/scraping_sweep/noise",
+    "thresholds": "segments/scraping_sweep/thresholds",
     "downsampling": "segments/scraping_sweep/downsampling",
     "downsampling_people": "segments/scraping_sweep/downsampling_people",
     "reproduction": "primitives/scraping/reproduction",

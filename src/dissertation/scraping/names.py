@@ -3,7 +3,7 @@
 from collections.abc import Sequence
 
 from dissertation.scraping.protocol.execution_scores import AFTER, BEFORE, NOMINAL
-from dissertation.scraping.protocol.feedback_models import LEVEL, POINTWISE, UNROLLED
+from dissertation.scraping.protocol.feedback_models import LEVEL, NETWORKS, POINTWISE, UNROLLED
 from dissertation.scraping.protocol.sample_efficiency import CMA_ES, PI2
 from structlearn.palette import (
     BLUE,
@@ -61,3 +61,9 @@ SEARCHES = {PI2: Look("PI2-CMA", BLUE), CMA_ES: Look("CMA-ES", OCHRE)}
 def primitive_title(primitives: Sequence[str], name: str) -> str:
     """Title such as `turn (primitive 2)`, counted as in the dissertation."""
     return f"{name} (primitive {list(primitives).index(name) + 1})"
+
+
+def network_name(trainer: str, hidden: Sequence[int]) -> str:
+    """Name of a network by its trainer and hidden layers; of one's own, the trainer's."""
+    known = {its: REPRESENTATIONS[key].name for key, its in NETWORKS.items()}
+    return known.get((trainer, tuple(hidden)), trainer)

@@ -1,6 +1,6 @@
 """Names, order and colours of the controllers and models that the page and the recordings show."""
 
-from dissertation.servoing.protocol.servo_variants import ADAPTIVE, PUBLISHED, ServoVariant
+from dissertation.servoing.protocol.servo_variants import ADAPTIVE, PUBLISHED, SPACES, ServoVariant
 from structlearn.palette import BLACK, BLUE, GREEN, GREY, LIGHT_BLUE, LIGHT_GREY, OCHRE, ORANGE, PINK
 from structlearn.tactile.latent_parameters import (
     JACOBIAN,
@@ -20,8 +20,7 @@ FORM_COLOURS = {PUBLISHED: OCHRE, ADAPTIVE: BLUE}
 AS_PUBLISHED, OURS = ServoVariant(PUBLISHED, JACOBIAN), ServoVariant(ADAPTIVE, JACOBIAN)
 """The dissertation's controller and the adaptive controller, both with the non-linear model's Jacobian."""
 
-STRUCTURE_NAMES = {True: "structure", False: "no structure"}  # latent spaces
-STRUCTURE_COLOURS = {True: BLACK, False: GREY}
+SPACE_COLOURS = dict(zip(SPACES.values(), (BLACK, GREY), strict=True))
 
 DYNAMICS = tuple((forward, loss) for forward, losses in TRAINED_WITH.items() for loss in losses)
 """Forward models, each with the inverse model whose loss it was trained with."""
@@ -38,12 +37,12 @@ LATENT_NAMES = {
 
 LATENT_COLOURS = {"reconstruction": BLUE, "distances": ORANGE, "pressure": GREEN}
 
-COMPARISON_NAMES = {
-    "forward": "what is predicted",
-    "encoder": "what followed",
+TARGET_NAMES = {
+    "predicted": "what is predicted",
+    "followed": "what followed",
     "agreement": "one against the other",
 }
-"""What a predicted action is compared with, in the order of figure II.5."""
+"""Latent states that an action is to reach, in the order of figure II.5."""
 
 PART_NAMES = {"translation": "linear", "rotation": "angular"}  # parts of an action
 SKIN_NAMES = {"biotac": "BioTac", "flat_pad": "flat pad", "sphere": "sphere"}

@@ -230,7 +230,9 @@ def _number(found: Evidence, number_format: str, unit: str) -> str:
         ends = interval(100 * found.low, 100 * found.high, ".0f")
         return text if found.low == found.high else f"{text} {ends}"
     if number_format == "share":
-        text = f"{percent(found.value, 1, 1)} {interval(100 * found.low, 100 * found.high)}"
+        text = percent(found.value, 1, 1)
+        if found.low != found.high:
+            text += f" {interval(100 * found.low, 100 * found.high)}"
         if found.people is None:
             return text
         text += " over 1 person" if found.people == 1 else f" over {found.people} people"

@@ -21,14 +21,23 @@ from dissertation.dynamics.names import (
     colour,
     look,
 )
-from dissertation.dynamics.page.findings import DynamicsResults
+from dissertation.dynamics.page.page import Raw, pick_up_s
 from dissertation.dynamics.protocol.tracking import TrackedReach, tracked_reaches
-from dissertation.dynamics.protocol.trainings import OURS, PUBLISHED
+from dissertation.dynamics.protocol.trainings import CHOSEN, FORMS, PLAIN
 from dissertation.dynamics.world.arm_motion import SineParameters, sine_path
+from dissertation.dynamics.world.joint_logs import PayloadParameters
+from dissertation.evidence.results import Results
 from dissertation.simulation.still import View, still
 from structlearn.palette import BLACK, GREY
 from structlearn.reporting.figure_style import PANEL_WIDTH, Drawing, Raster, canvas, styled
-from structlearn.rigid_body.model_names import COULOMB, DEFAULT, GROUND_TRUTH, NAMES, model_name
+from structlearn.rigid_body.model_names import (
+    COULOMB,
+    DEFAULT,
+    GROUND_TRUTH,
+    NAMES,
+    model_name,
+    models_in_order,
+)
 from structlearn.rigid_body.tree import KinematicTree
 
 HIGHEST_NMSE = 1e6  # upper axis limit for diverged models
@@ -41,7 +50,7 @@ SHOWN_REACHES = {
 }
 """Models whose reaches are drawn, by robot."""
 
-FORM_MARKERS = {PUBLISHED: "o", OURS: "s"}
+FORM_MARKERS: Mapping[str, str] = {CHOSEN: "o", PLAIN: "s"}
 MARKERS = {"nostr": "x", "symm": "+", "spd": "s", "tri": "^", "cov": "o"}
 SHOWN_JOINTS = (1, 2, 4, 6)  # joints whose friction is drawn: large and small ones
 WIDE: dict[str, Any] = {"color": REFERENCE, "linewidth": 4.0}  # references
@@ -59,35 +68,38 @@ def legend_above(figure: Figure, axes: Axes, columns: int = 6) -> None:
 
 
 @styled
-def drawings(results: DynamicsResults) -> Mapping[str, Sequence[Drawing]]:
-    """All figures of the page except the still, keyed by name."""
-    errors = results.errors
-    errors = errors[errors["arm"] == IDEAL]
-    curves = errors.groupby(["form", "model", "seed", "epoch"], sort=False)["nmse"].mean().reset_index()
-    robots = [robot for robot in ROBOT_TITLES if results.tracked(robot)]
-    tables = results.paths, results.scores
+def drawings(results: Results, raw: Raw, chosen: Mapping[str, Any]) -> Mapping[str, Sequence[Drawing]]:
+    """All figures of the page except the still, keyed by name.
+
+    `raw`: tables of this run, see `page.Raw`; `chosen`: parameters by key of `params.yaml`.
+    """
+    errors, learning = raw["errors"], chosen["train_dynamics"].learning
+    keys = ["form", "model", "seed", "epoch"]
+    curves = errors[errors["arm"] == IDEAL].groupby(keys, sort=False)["nmse"].mean().reset_index()
+    keys = ["loss", "model", "seed", "batch"]
+    online = raw["online"].groupby(keys, sort=False)["nmse"].mean().reset_index()
     reaches = {
-        ROBOT_TITLES[robot]: tracked_reaches(*tables, robot, SHOWN_TRAINING, SHOWN_REACHES[robot])
-        for robot in robots
+        title: tracked_reaches(raw["paths"], raw["scores"], arm, SHOWN_TRAINING, SHOWN_REACHES[arm])
+        for arm, title in ROBOT_TITLES.items()
     }
     return {
-        "training": [_training(results, curves, form) for form in FORM_TITLES],
-        "tracking": [_tracking(results, robot) for robot in robots],
+        "training": [_training(curves, form, learning.threshold) for form in FORMS],
+        "tracking": [_tracking(results, arm) for arm in ROBOT_TITLES],
         "reaches": [draw(its, title) for draw in (_off, _speeds) for title, its in reaches.items()],
-        "online": [
-            _curves(results, results.online_curves, "batch", "loss", loss, LOSS_TITLES[loss])
-            for loss in results.chosen["online"].losses
-        ],
+        "online": [_curves(online, "batch", "loss", loss, title) for loss, title in LOSS_TITLES.items()],
         "bodies": [
-            _bodies(results.base, "value", "truth", "Base parameters (kg m², kg m)"),
-            _bodies(results.links, "mass_kg", "true_mass_kg", "Masses of the links (kg)"),
+            _bodies(raw["base"], "value", "truth", "Base parameters (kg m², kg m)"),
+            _bodies(raw["links"], "mass_kg", "true_mass_kg", "Masses of the links (kg)"),
         ],
         "friction": [
             Raster(_friction(joint, its))
-            for joint, its in results.residuals.groupby("joint")
+            for joint, its in raw["residuals"].groupby("joint")
             if joint in SHOWN_JOINTS
         ],
-        "payload": [_payload(results), _payload_errors(results)],
+        "payload": [
+            _payload(raw["payload"], chosen["record_motion"].payload, pick_up_s(chosen)),
+            _payload_errors(raw["payload"]),
+        ],
     }
 
 
@@ -98,15 +110,12 @@ def arm_still(urdf: str, tree: KinematicTree, motion: SineParameters) -> np.ndar
     return np.hstack([still(VIEW, urdf=urdf, angles=pose)[:, COLUMNS] for pose in poses])
 
 
-def _curves(
-    results: DynamicsResults, curves: pd.DataFrame, step: str, column: str, value: str, title: str
-) -> Figure:
+def _curves(curves: pd.DataFrame, step: str, column: str, value: str, title: str) -> Figure:
     """Geometric mean over seeds of each model's NMSE (mean over joints), with the range over seeds."""
     figure, panel = _panel(3.3, title, step, "NMSE, mean over joints")
-    for model in results.kinds:
-        its = curves[(curves[column] == value) & (curves["model"] == model)]
-        if its.empty:
-            continue
+    shown = curves[curves[column] == value]
+    for model in models_in_order(shown["model"].unique()):
+        its = shown[shown["model"] == model]
         wide = np.log10(its.pivot_table(index=step, columns="seed", values="nmse")).ffill()
         panel.plot(wide.index, 10.0 ** wide.mean(axis=1), label=NAMES[model], **look(model))
         low, high = 10.0 ** wide.min(axis=1), 10.0 ** wide.max(axis=1)
@@ -117,13 +126,11 @@ def _curves(
     return figure
 
 
-def _training(results: DynamicsResults, curves: pd.DataFrame, form: str) -> Figure:
+def _training(curves: pd.DataFrame, form: str, threshold: float) -> Figure:
     """NMSE over the training epochs in simulation."""
-    figure = _curves(results, curves, "epoch", "form", form, FORM_TITLES[form])
+    figure = _curves(curves, "epoch", "form", form, FORM_TITLES[form])
     (panel,) = figure.axes
-    panel.axhline(
-        results.chosen["train_dynamics"].learning.threshold, color=BLACK, linestyle="--", linewidth=0.9
-    )
+    panel.axhline(threshold, color=BLACK, linestyle="--", linewidth=0.9)
     panel.set_xscale("symlog", linthresh=1.0)
     panel.set_xticks(EPOCH_TICKS, [str(tick) for tick in EPOCH_TICKS])
     panel.minorticks_off()
@@ -131,23 +138,21 @@ def _training(results: DynamicsResults, curves: pd.DataFrame, form: str) -> Figu
     return figure
 
 
-def _tracking(results: DynamicsResults, robot: str) -> Figure:
+def _tracking(results: Results, arm: str) -> Figure:
     """NMSE of the tool velocity in reaches, one mark per seed or robot; hollow marks: stopped runs."""
-    figure, panel = _panel(3.6, ROBOT_TITLES[robot], "NMSE of the tool's velocity in reaches", "")
-    models = results.tracked(robot)
-    for row, model in enumerate(models):
-        known = model in (GROUND_TRUTH, DEFAULT)
-        for form, marker in FORM_MARKERS.items():
-            if known and form == OURS:
-                continue
-            runs = results.runs(robot, model, REACH, form)
-            middle = 0.0 if known else -0.17 if form == PUBLISHED else 0.17
-            offsets = middle + np.linspace(-0.1, 0.1, len(runs))
-            for offset, run in zip(offsets, runs.itertuples(), strict=True):
-                fill = "none" if run.stopped else "full"
-                panel.plot(
-                    run.velocity_nmse, row + offset, marker, color=colour(model), fillstyle=fill, markersize=4
-                )
+    figure, panel = _panel(3.6, ROBOT_TITLES[arm], "NMSE of the tool's velocity in reaches", "")
+    scores, stopped = (
+        results.wide(name, ["model", "form"], arm=arm, task=REACH) for name in ("velocity_nmse", "stopped")
+    )
+    models = models_in_order({model for model, _ in scores})
+    for model, form in scores:
+        middle = {CHOSEN: -0.17, PLAIN: 0.17}.get(form, 0.0)
+        runs = scores[model, form].dropna()
+        offsets = models.index(model) + middle + np.linspace(-0.1, 0.1, len(runs))
+        for halted in (False, True):
+            its = (stopped[model, form][runs.index] == 1.0) == halted
+            fill: dict[str, Any] = {"fillstyle": "none" if halted else "full", "markersize": 4}
+            panel.plot(runs[its], offsets[its], FORM_MARKERS.get(form, "o"), color=colour(model), **fill)
     panel.set_yticks(range(len(models)), [model_name(model) for model in models])
     panel.set_xscale("log")
     panel.invert_yaxis()
@@ -188,7 +193,7 @@ def _bodies(table: pd.DataFrame, learned: str, true: str, title: str) -> Figure:
     """Learned against true inertial parameters for each structure, first seed."""
     figure, panel = _panel(3.3, title, "of the arm", "learned")
     first = table["seed"] == table["seed"].min()
-    its = table[(table["form"] == PUBLISHED) & first].set_index("model")
+    its = table[(table["form"] == CHOSEN) & first].set_index("model")
     for model, marker in MARKERS.items():
         rows = its[its.index == model]
         marked: dict[str, Any] = {"marker": marker, "fillstyle": "none", "linestyle": "", "markersize": 5}
@@ -216,13 +221,12 @@ def _friction(joint: int, residuals: pd.DataFrame) -> Figure:
     return figure
 
 
-def _payload(results: DynamicsResults) -> Figure:
+def _payload(payload: pd.DataFrame, carried: PayloadParameters, pick_up: float) -> Figure:
     """Learned mass and first moment of a payload relative to the truth, one thin line per robot."""
-    payload, carried = results.payload, results.chosen["record_motion"].payload
     figure, panel = _panel(2.5, "Learned payload", "time (s)", "share of the truth")
     truth = carried.mass_kg * np.linalg.norm(carried.point_m)
     time = payload["time_s"].drop_duplicates()
-    panel.plot(time, np.where(time < results.pick_up_s, 0.0, 1.0), label="carried", **WIDE)
+    panel.plot(time, np.where(time < pick_up, 0.0, 1.0), label="carried", **WIDE)
     for place, (_, its) in enumerate(payload.groupby("seed")):
         moment = np.linalg.norm(its[[f"moment_{axis}_kg_m" for axis in "xyz"]], axis=1)
         thin: dict[str, Any] = {"color": colour("cov"), "linewidth": 0.9}
@@ -234,10 +238,12 @@ def _payload(results: DynamicsResults) -> Figure:
     return figure
 
 
-def _payload_errors(results: DynamicsResults) -> Figure:
-    """Torque errors on batches not yet learned from, mean over robots."""
-    payload = results.payload.groupby("time_s")[["nmse_fixed", "nmse_learned"]].mean()
-    figure, panel = _panel(2.5, "Torques of the next batch", "time (s)", "NMSE, mean over robots")
+def _payload_errors(payload: pd.DataFrame) -> Figure:
+    """Torque errors on batches not yet learned from, geometric mean over robots."""
+    payload = np.exp(
+        np.log(payload.set_index("time_s")[["nmse_fixed", "nmse_learned"]]).groupby("time_s").mean()
+    )
+    figure, panel = _panel(2.5, "Torques of the next batch", "time (s)", "NMSE, geometric mean over robots")
     panel.plot(payload.index, payload["nmse_fixed"], label="model of the empty arm", **look(GROUND_TRUTH))
     panel.plot(payload.index, payload["nmse_learned"], label="learned online", **look("cov"))
     panel.set_yscale("log")

@@ -1,41 +1,43 @@
 """The page of the dynamics testbed: its tables, numbers for its sentences, and their sources.
 
-Tables show published values beside reproduced ones, and learned values beside true ones.
+Tables show published values beside reproduced ones, and learned values beside true ones. Those over seeds or
+robots are pivots of the results; others show this run's models.
 """
 
 from collections.abc import Mapping
-from itertools import product
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pandas as pd
 
 from dissertation.dynamics.names import FORM_TITLES, IDEAL, REACH, ROBOT, SINE
-from dissertation.dynamics.page.findings import (
-    IMPLEMENTATIONS,
-    ROBOTS_STUDY,
-    SETTLED_SHARE,
-    STOPPED_NMSE,
-    STUDIED,
-    DynamicsResults,
-    published,
-    unmet,
-)
-from dissertation.dynamics.protocol.trainings import LOSSES, OURS, PUBLISHED
+from dissertation.dynamics.page.findings import RIVALS, published
+from dissertation.dynamics.protocol.results import CONDITIONS, SETTLED_SHARE, STOPPED_NMSE
+from dissertation.dynamics.protocol.training_choice import TABLE, choose, mean_scores
+from dissertation.dynamics.protocol.trainings import CHOSEN, FORMS
+from dissertation.dynamics.protocol.truth import FRICTION_MODELS
 from dissertation.dynamics.world.controlled_arm import OVERSPEED
 from dissertation.evidence.claims import judge, read_claims
 from dissertation.evidence.judged_page import JudgedDocument
-from dissertation.evidence.studies import rests_on
+from dissertation.evidence.results import Population, Results
+from dissertation.evidence.studies import Study, rests_on
+from structlearn.core.params import read_values
 from structlearn.reporting.document import Source, Table
 from structlearn.reporting.findings import Findings
 from structlearn.reporting.prose import with_spread
-from structlearn.rigid_body.model_names import COULOMB, DEFAULT, GROUND_TRUTH, model_name, models_in_order
+from structlearn.rigid_body.dynamics_training import LOSSES
+from structlearn.rigid_body.model_names import DEFAULT, GROUND_TRUTH, model_name, models_in_order
+
+ROBOTS_STUDY = "dynamics/robots"  # further seeds and robots
 
 SOURCES = {
     "log": Source("data/runs/dynamics/perturbed.parquet", "dynamics_import_logs"),
     "models": Source("data/dynamics/models", "dynamics_train"),
     "scores": Source("data/dynamics/tracking", "dynamics_track"),
     "online": Source("data/dynamics/online", "dynamics_online"),
+    "results": Source("data/results/dynamics.parquet", "dynamics_results"),
+    "choice": Source(TABLE.as_posix(), "python -m dissertation.dynamics.protocol.training_choice"),
 }
 
 PRINTED = "dissertation"
@@ -46,51 +48,44 @@ SCORES = {
     "reach_position": (REACH, "position_nmse", "reaches, x"),
     "reach_velocity": (REACH, "velocity_nmse", "ẋ"),
 }
-"""Columns of tables III.1 and III.2: task, column of the scores, heading."""
-
-CONDITIONS = ["positive_mass", "positive_definite", "triangle"]
-"""Conditions of physical consistency: columns of `base_parameters.link_table`."""
+"""Columns of tables III.1 and III.2: task, quantity of the results, heading."""
 
 DETAILED = "cov"  # structure whose learned parameters are listed
+KNOWN = (GROUND_TRUTH, DEFAULT)
+
+Raw = Mapping[str, pd.DataFrame]
+"""Tables of this run, see `files.TABLES`; also `agreement` by URDF, `residuals` and `choice` of trainings."""
 
 
-def dynamics_page(results: DynamicsResults, find: Findings) -> JudgedDocument:
-    """Page with its tables and verdicts; figures come from `figures.drawings` and `arm_still`."""
-    shown, chosen = tables(results), results.chosen
-    after = results.payload[results.payload["time_s"] > results.pick_up_s]
-    by_model = {
-        name: {row["model"]: row for row in shown[name].frame.to_dict("records")}
-        for name in ("epochs", "online", "bodies", "base_errors")
-    }
+def dynamics_page(
+    population: Population, find: Findings, raw: Raw, chosen: Mapping[str, Any], study: Study | None
+) -> JudgedDocument:
+    """Page with its tables and verdicts; figures come from `figures.drawings` and `arm_still`.
+
+    `chosen`: parameters by key of `params.yaml`.
+    """
+    results = population.results
+    shown, seeds = tables(results, raw), results.rows("nmse", arm=ROBOT)["seed"]
     facts = {
         **find.numbers(),
-        **{name: by_model[name] for name in ("epochs", "online")},
-        "results": results,
         "chosen": chosen,
         "training": chosen["train_dynamics"],
         "published": published(),
+        "untested": read_values(Path(__file__).with_name("untested.yaml")),
         "overspeed": OVERSPEED,
         "stopped_nmse": STOPPED_NMSE,
         "settled_share": SETTLED_SHARE,
-        "joints": int(results.errors["joint"].max()),
+        "robots": seeds.nunique(),
+        "robots_of_this_run": population.one.table["seed"].nunique(),
+        "moved": population.moved,
+        "joints": int(raw["errors"]["joint"].max()),
         "stopped": {arm: _stopped(results, arm) for arm in (IDEAL, ROBOT)},
-        "unmet": {
-            form: {arm: [model_name(model) for model in unmet(results, arm, form)] for arm in (IDEAL, ROBOT)}
-            for form in FORM_TITLES
-        },
-        "parameters_of_links": 10 * results.links["link"].nunique(),
-        "friction": _median_friction(results),
-        "payload": {
-            "fixed": after["nmse_fixed"].mean(),
-            "learned": after["nmse_learned"].mean(),
-            "distance_m": np.linalg.norm(chosen["record_motion"].payload.point_m),
-        },
-        "impossible": [
-            f"{model} {row['links'] - row['possible']} of {row['links']}"
-            for model, row in by_model["bodies"].items()
-            if row["possible"] < row["links"]
-        ],
-        "best_base": min(by_model["base_errors"].values(), key=lambda row: row["base"]),
+        "unmet": {arm: {form: _unmet(results, arm, form) for form in FORMS} for arm in (IDEAL, ROBOT)},
+        "parameters_of_links": 10 * raw["links"]["link"].nunique(),
+        "base_parameters": raw["base"]["parameter"].nunique(),
+        "best_base": min(shown["base_errors"].frame.to_dict("records"), key=lambda row: row["base"]),
+        "distance_m": np.linalg.norm(chosen["record_motion"].payload.point_m),
+        "pick_up_s": pick_up_s(chosen),
     }
     claims = read_claims(Path(__file__).with_name("claims.yaml"))
     return JudgedDocument(
@@ -104,110 +99,118 @@ def dynamics_page(results: DynamicsResults, find: Findings) -> JudgedDocument:
         parameters=chosen,
         recordings="../rerun/dynamics",
         simulated=True,
-        basis=rests_on(ROBOTS_STUDY, results.study),
+        basis=rests_on(ROBOTS_STUDY, study),
     )
 
 
-def _stopped(results: DynamicsResults, arm: str) -> list[str]:
-    """Models with stopped runs, e.g. `DeLaN (our training) 4 of 10`."""
+def pick_up_s(chosen: Mapping[str, Any]) -> float:
+    """Time in s at which payloads are picked up."""
+    motion = chosen["arm_motion"].used.cut(chosen["perturbed_robot"].log_s)
+    return chosen["record_motion"].payload.pick_up_s(motion.duration_s)
+
+
+def _stopped(results: Results, arm: str) -> list[str]:
+    """Models with stopped runs, sines and reaches, e.g. `DeLaN (plain loss) 4 of 10`."""
+    rows = results.rows("stopped", arm=arm).groupby(["model", "form"], sort=False)["value"]
     return [
-        f"{model_name(model)} ({title.lower()}) {stopped} of {count}"
-        for model, (form, title) in product(results.tracked(arm), FORM_TITLES.items())
-        for stopped, count in [results.stopped(arm, model, form)]
-        if stopped
+        f"{model_name(model)} ({FORM_TITLES[form].lower()}) {its.sum():.0f} of {len(its)}"
+        for (model, form), its in rows
+        if its.any()
     ]
 
 
-def _median_friction(results: DynamicsResults) -> dict[str, float]:
-    """Median relative errors of friction coefficients; `factor`: ratio learned with viscous friction only."""
-    known = results.friction
-    ratio = known["value"] / known["truth"]
-    median, off = (
-        one.groupby([known["model"], known["term"]]).median() for one in (ratio, (ratio - 1.0).abs())
-    )
-    return off[f"{DETAILED}{COULOMB}"].to_dict() | {"factor": median[DETAILED, "viscous"]}
+def _unmet(results: Results, arm: str, form: str) -> list[str]:
+    """Models that missed the criterion with some seed or on some robot."""
+    met = results.wide("met", "model", arm=arm, form=form).reindex(columns=RIVALS)
+    return [model_name(model) for model in met if (met[model] == 0.0).any()]
 
 
-def tables(results: DynamicsResults) -> dict[str, Table]:
-    """Tables of the page, and those that a study collects from each cell, keyed by name."""
-    found = {
+def tables(results: Results, raw: Raw) -> dict[str, Table]:
+    """Tables of the page, keyed by name."""
+    agreed = {"largest_n_m": ".0f", "regressor_n_m": ".1e", "compiled_n_m": ".1e"}
+    return {
         "simulation": _scores(results, IDEAL),
+        "robot": _scores(results, ROBOT),
         "epochs": _epochs(results),
         "online": _online(results),
-        "bodies": _bodies(results),
-        "links": _links(results),
-        "base_parameters": _base_parameters(results),
-        "base_errors": _base_errors(results),
-        "robot_errors": _robot_errors(results),
-        "friction": _friction(results),
-        "agreement": Table(results.agreement, dict.fromkeys(IMPLEMENTATIONS, ".1e") | {"largest_n_m": ".0f"}),
+        "choice": _choice(raw["choice"]),
+        "bodies": _bodies(raw["links"]),
+        "links": _links(raw["links"]),
+        "base_parameters": _base_parameters(raw["base"]),
+        "base_errors": _base_errors(raw),
+        "robot_errors": _robot_errors(raw),
+        "friction": _friction(raw["friction"]),
+        "agreement": Table(raw["agreement"], agreed),
     }
-    if results.tracked(ROBOT):
-        found["robot"] = _scores(results, ROBOT)
-    found |= {name: Table(getattr(results, name)) for name in STUDIED}
-    return found | {"online_scores": Table(results.learned_online)}
 
 
-def _scores(results: DynamicsResults, robot: str) -> Table:
+def _scores(results: Results, arm: str) -> Table:
     """Table III.1 or III.2: `model`, `source`, `epochs`, columns of `SCORES` as text, `stopped` runs."""
-    printed = published()["simulation" if robot == IDEAL else "robot"]
+    printed = published()["simulation" if arm == IDEAL else "robot"]
+    stopped, nmse = (
+        results.rows(name, arm=arm).groupby(["model", "form"])["value"] for name in ("stopped", "nmse")
+    )
+    columns = {
+        name: [results.wide(one, ["model", "form"], arm=arm, task=task) for one in (quantity, "stopped")]
+        for name, (task, quantity, _) in SCORES.items()
+    }
+    counts, halted, errors, epochs = stopped.size(), stopped.sum(), nmse.mean(), _epochs_text(results, arm)
     rows = []
-    for model in models_in_order({*results.tracked(robot), *printed}):
-        name, known = model_name(model), model in (GROUND_TRUTH, DEFAULT)
+    for model in models_in_order({*counts.index.unique("model"), *printed}):
+        name = model_name(model)
         if model in printed:
             row = dict(zip(published()["columns"], printed[model], strict=True))
-            nmse = published()["robot_nmse"].get(model)
-            rows.append({"model": name, "source": PRINTED, "nmse": nmse} | row)
-        for form in (PUBLISHED,) if known else (PUBLISHED, OURS):
-            outcome = results.outcome(robot, model, form)
-            stopped, count = results.stopped(robot, model, form)
-            if count or len(outcome):
-                source = "here" if known else FORM_TITLES[form].lower()
-                row = {"model": name, "source": source, "epochs": _epochs_text(outcome)}
-                row["nmse"] = f"{results.robot_error(model, form).mean():.3f}"
-                for column, (task, score, _) in SCORES.items():
-                    row[column] = _score(results.runs(robot, model, task, form), score)
-                rows.append(row | {"stopped": f"{stopped} of {count}"})
+            rows.append(
+                {"model": name, "source": PRINTED, "nmse": published()["robot_nmse"].get(model)} | row
+            )
+        for form in ("",) if model in KNOWN else FORMS:
+            key = model, form
+            if key not in counts and key not in epochs:
+                continue
+            row = {"model": name, "source": FORM_TITLES[form].lower() if form else "here"}
+            row |= {"epochs": epochs.get(key, ""), "nmse": f"{errors.get(key, np.nan):.3f}"}
+            for column, its in columns.items():
+                row[column] = _score(*(one[key] for one in its)) if key in its[0] else "not tested"
+            rows.append(row | {"stopped": f"{halted.get(key, 0):.0f} of {counts.get(key, 0)}"})
     frame = pd.DataFrame(rows)[["model", "source", "epochs", "nmse", *SCORES, "stopped"]]
-    frame = frame.drop(columns="nmse") if robot == IDEAL else frame
+    frame = frame.drop(columns="nmse") if arm == IDEAL else frame
     headings = {"source": "", "nmse": "NMSE on the logs"} | {name: one[-1] for name, one in SCORES.items()}
     return Table(frame, {}, headings, frozenset(np.flatnonzero(frame["source"] != PRINTED).tolist()))
 
 
-def _score(runs: pd.DataFrame, score: str) -> str:
-    """Mean and standard deviation as text; a model that missed the criterion has no runs."""
-    if runs.empty:
-        return "not tested"
-    return "unstable" if (runs["stopped"] != "").all() else _spread(runs[score], ".3f")
+def _score(scores: pd.Series, stopped: pd.Series) -> str:
+    """Mean and standard deviation as text."""
+    return "unstable" if (stopped.dropna() == 1.0).all() else _spread(scores.dropna(), ".3f")
 
 
-def _epochs(results: DynamicsResults) -> Table:
-    """Epochs to the threshold in simulation as text, by `model` and form."""
-    rows = []
-    for model in results.kinds:
-        first, ours = (results.outcome(IDEAL, model, form) for form in (PUBLISHED, OURS))
-        but_last = _counted(first["epochs_but_last"].dropna(), len(first)) if len(first) else ""
-        rows.append((model_name(model), _epochs_text(first), but_last, _epochs_text(ours)))
-    headings = {
-        PUBLISHED: "as published",
-        "published_but_last": "but for the last joint",
-        OURS: "our training",
+def _epochs_text(results: Results, arm: str) -> dict[tuple[str, str], str]:
+    """Epochs to the threshold by model and form, e.g. `2.0 ± 0.7`, `3.0 (1 of 5)`, `> 40` if none did."""
+    epochs, reached = (results.wide(name, ["model", "form"], arm=arm) for name in ("epochs", "reached"))
+    return {
+        key: _counted(epochs[key][reached[key] == 1.0], epochs[key].count()) or f"> {epochs[key].max():.0f}"
+        for key in epochs
     }
-    return Table(pd.DataFrame(rows, columns=["model", *headings]), headings=headings)
-
-
-def _epochs_text(outcome: pd.DataFrame) -> str:
-    """Epochs as text, e.g. `2.0 ± 0.7`, `3.0 (1 of 5)` if not all reached it, `> 40` if none did."""
-    reached = outcome[outcome["reached"]]["epochs"]
-    if len(outcome) and not len(reached):
-        return f"> {outcome['epochs'].max():.0f}"
-    return _counted(reached, len(outcome)) if len(outcome) else ""
 
 
 def _counted(known: pd.Series, every: int) -> str:
-    """Mean and standard deviation as text, with their number unless all are known."""
-    text = with_spread(known.mean(), known.std()) if len(known) else "not reached"
+    """Mean and standard deviation as text, with their number unless all are known; empty if none is."""
+    text = with_spread(known.mean(), known.std()) if len(known) else ""
     return text if len(known) in (0, every) else f"{text} ({len(known)} of {every})"
+
+
+def _epochs(results: Results) -> Table:
+    """Epochs to the threshold in simulation as text, by `model` and form, and on all joints but the last."""
+    epochs = _epochs_text(results, IDEAL)
+    but_last = results.rows("epochs_but_last", arm=IDEAL, form="plain").groupby("model")["value"]
+    every = results.rows("epochs", arm=IDEAL, form="plain").groupby("model")["value"].size()
+    shown = {model: _counted(its, every[model]) for model, its in but_last}
+    rows = [
+        (model_name(model), *(epochs.get((model, form), "") for form in FORMS), shown.get(model, ""))
+        for model in models_in_order({model for model, _ in epochs})
+    ]
+    headings: dict[str, str] = {form: title.lower() for form, title in FORM_TITLES.items()}
+    headings |= {"but_last": "plain loss, but for the last joint"}
+    return Table(pd.DataFrame(rows, columns=["model", *headings]), headings=headings)
 
 
 def _by_model(columns: Mapping[str, pd.Series], number_format: str = "") -> Table:
@@ -219,79 +222,91 @@ def _by_model(columns: Mapping[str, pd.Series], number_format: str = "") -> Tabl
     return Table(frame, dict.fromkeys(columns, number_format) if number_format else {})
 
 
-def _online(results: DynamicsResults) -> Table:
-    """Online learning by `model`, mean over seeds: NMSE after one pass, and over the course."""
-    columns: dict[str, pd.Series] = {}
-    for form, loss in LOSSES.items():
-        means = results.online_scores(form).groupby("model").mean()
-        columns |= {f"final_{loss}": means["final"], f"course_{loss}": 10.0 ** means["speed"]}
-    return _by_model(columns, ".2g")
+def _online(results: Results) -> Table:
+    """NMSE of online learning by `model`, geometric means: over the course, in the middle, at the end."""
+    means = {
+        f"{when}_{loss}": np.exp(np.log(results.wide(f"online_{when}", "model", loss=loss)).mean())
+        for loss in reversed(LOSSES)
+        for when in ("course", "half", "final")
+    }
+    return _by_model(means, ".2g")
 
 
-def _bodies(results: DynamicsResults) -> Table:
+def _choice(table: pd.DataFrame) -> Table:
+    """Chosen training by `model`, its `epochs` on the tuning motion, and the fewest with the `raw` loss."""
+    means = mean_scores(table)["epochs"]
+    columns: dict[str, pd.Series] = {
+        name: pd.Series({model: getattr(its, name) for model, its in choose(table).items()})
+        for name in ("loss", "batch", "rate")
+    }
+    raw = means.xs("raw", level="loss")
+    columns |= {"epochs": means.groupby("model").min(), "raw": raw.groupby("model").min()}
+    headings = {"epochs": "epochs of 60 s", "raw": "with the raw loss at best"}
+    return Table(_by_model(columns).frame, {"rate": "g", "epochs": ".1f", "raw": ".1f"}, headings)
+
+
+def _bodies(links: pd.DataFrame) -> Table:
     """Number of learned `links` by `model`, and of those that meet each of `CONDITIONS`, and all."""
-    its = results.links.query("form == @PUBLISHED")
+    its = links[links["form"] == CHOSEN]
     met = its[CONDITIONS].assign(possible=its[CONDITIONS].all(axis=1)).groupby(its["model"])
     return _by_model({"links": met.size()} | dict(met.sum()))
 
 
-def _base_errors(results: DynamicsResults) -> Table:
+def _base_errors(raw: Raw) -> Table:
     """Median relative error by `model`, over parameters and seeds: `base` parameters, `mass`."""
     columns = {}
     for name, table, learned, true in (
-        ("base", results.base, "value", "truth"),
-        ("mass", results.links, "mass_kg", "true_mass_kg"),
+        ("base", raw["base"], "value", "truth"),
+        ("mass", raw["links"], "mass_kg", "true_mass_kg"),
     ):
-        its = table.query(f"form == @PUBLISHED and {true} != 0.0")
+        its = table.query(f"form == @CHOSEN and {true} != 0.0")
         columns[name] = ((its[learned] - its[true]) / its[true]).abs().groupby(its["model"]).median()
     return _by_model(columns, ".1%")
 
 
-def _links(results: DynamicsResults) -> Table:
+def _links(links: pd.DataFrame) -> Table:
     """Masses, centres and largest moments learned by `DETAILED` beside the truth, mean ± std over seeds."""
-    its = results.links.query("form == @PUBLISHED and model == @DETAILED")
+    its = links.query("form == @CHOSEN and model == @DETAILED")
     axes = [f"centre_{axis}_m" for axis in "xyz"]
     away = its[axes].to_numpy() - its[[f"true_{axis}" for axis in axes]].to_numpy()
-    links = its.assign(away=np.linalg.norm(away, axis=1)).groupby("link", sort=False)
+    by = its.assign(away=np.linalg.norm(away, axis=1)).groupby("link", sort=False)
     columns = {
-        "true_mass_kg": links["true_mass_kg"].first(),
-        "mass_kg": links["mass_kg"].agg(_spread, ".2f"),
-        "centre_m": links["away"].agg(_spread, ".3f"),
-        "true_moment_kg_m2": links["true_moment_3_kg_m2"].first(),
-        "moment_kg_m2": links["moment_3_kg_m2"].agg(_spread, ".4f"),
+        "true_mass_kg": by["true_mass_kg"].first(),
+        "mass_kg": by["mass_kg"].agg(_spread, ".2f"),
+        "centre_m": by["away"].agg(_spread, ".3f"),
+        "true_moment_kg_m2": by["true_moment_3_kg_m2"].first(),
+        "moment_kg_m2": by["moment_3_kg_m2"].agg(_spread, ".4f"),
     }
     formats = {"true_mass_kg": ".2f", "true_moment_kg_m2": ".4f"}
     return Table(pd.DataFrame(columns).reset_index(), formats)
 
 
-def _base_parameters(results: DynamicsResults) -> Table:
+def _base_parameters(base: pd.DataFrame) -> Table:
     """Base parameters of `DETAILED`: `parameter`, `truth`, `learned` (mean over seeds) and its `std`."""
-    its = results.base.query("form == @PUBLISHED and model == @DETAILED")
-    by = its.groupby("parameter", sort=False)
+    by = base.query("form == @CHOSEN and model == @DETAILED").groupby("parameter", sort=False)
     columns = {"truth": by["truth"].first(), "learned": by["value"].mean(), "std": by["value"].std()}
     return Table(pd.DataFrame(columns).reset_index(), dict.fromkeys(columns, ".4f"))
 
 
-def _robot_errors(results: DynamicsResults) -> Table:
-    """NMSE on robots' logs, mean over robots: `model`, `form`, `joint_1` ..., `mean`; bold: known models."""
-    errors = results.errors[results.errors["arm"] == ROBOT]
+def _robot_errors(raw: Raw) -> Table:
+    """NMSE on this run's logs, mean over robots: `model`, `form`, `joint_1` ..., `mean`; bold: known."""
+    errors = raw["errors"][raw["errors"]["arm"] == ROBOT]
     kept = errors[errors["epoch"] == errors.groupby(["model", "form"])["epoch"].transform("max")]
-    known_errors = results.known[results.known["seed"].isin(kept["seed"])]
-    every = pd.concat([known_errors.assign(form=""), kept])
+    every = pd.concat([raw["known"].assign(form=""), kept])
     joints = every.pivot_table("nmse", ["model", "form"], "joint").add_prefix("joint_")
-    known = [(model, "") for model in models_in_order(results.known["model"].unique())]
-    order = [key for key in (*known, *product(results.robot_models, FORM_TITLES)) if key in joints.index]
-    frame = joints.assign(mean=joints.mean(axis=1)).loc[order].reset_index()
+    order = [
+        (model, form) for model in models_in_order(joints.index.unique("model")) for form in ("", *FORMS)
+    ]
+    frame = joints.assign(mean=joints.mean(axis=1)).reindex(order).dropna().reset_index()
+    strong = frozenset(np.flatnonzero(frame["form"] == "").tolist())
     words = {"model": frame["model"].map(model_name), "form": frame["form"].replace(FORM_TITLES).str.lower()}
-    formats = dict.fromkeys(frame.columns[2:], ".3f")
-    return Table(frame.assign(**words), formats, strong=frozenset(range(len(known))))
+    return Table(frame.assign(**words), dict.fromkeys(frame.columns[2:], ".3f"), strong=strong)
 
 
-def _friction(results: DynamicsResults) -> Table:
+def _friction(friction: pd.DataFrame) -> Table:
     """Friction learned by `DETAILED` beside the truth, by `joint`: `true_<term>` and `<term>`, as text."""
-    its = results.friction[results.friction["model"] == f"{DETAILED}{COULOMB}"]
     columns: dict[str, pd.Series] = {}
-    for term, rows in its.groupby("term", sort=False):
+    for term, rows in friction[friction["model"] == FRICTION_MODELS[-1]].groupby("term", sort=False):
         joints = rows.groupby("joint")
         columns |= {f"true_{term}": joints["truth"].first(), term: joints["value"].agg(_spread, ".3f")}
     formats = {"true_viscous": ".3f", "true_coulomb": ".3f"}

@@ -115,7 +115,8 @@ def track(testbed: Testbed, candidates: Sequence[Candidate]) -> tuple[pd.DataFra
 
     Returns:
         scores: one row per model, seed and task: `robot`, `model`, `form`, `seed`, `task` (`sine`, `reach`),
-            `position_nmse`, `velocity_nmse` (NaN if stopped), `stopped` (reason, or empty), `duration_s`.
+            `position_nmse`, `velocity_nmse` (NaN if stopped), `stopped` (reason, or empty), `duration_s`;
+            of sines `feedback_share` (NaN if stopped), of reaches `acceleration_error_m_s2` (until stopped).
         paths: of the shown seed at 25 Hz: `robot`, `model`, `form`, `task`, `time_s`, one column per joint in
             rad, `tool_x` ... and `wanted_x` ... in m.
     """
@@ -132,10 +133,9 @@ def _track_one(testbed: Testbed, candidate: Candidate) -> tuple[pd.DataFrame, li
     runs += [("reach", seed, *_reach(testbed, candidate.model, seed)) for seed in candidate.seeds]
     keys = {"robot": testbed.name, "model": candidate.name, "form": candidate.form}
     rows, paths = [], []
-    for task, seed, moved, reference, (position, velocity) in runs:
-        errors = {"position_nmse": position, "velocity_nmse": velocity, "stopped": moved.stopped or ""}
-        duration_s = len(moved.q) / testbed.motion.rate_hz
-        rows.append(keys | {"seed": seed, "task": task} | errors | {"duration_s": duration_s})
+    for task, seed, moved, reference, found in runs:
+        ended = {"stopped": moved.stopped or "", "duration_s": len(moved.q) / testbed.motion.rate_hz}
+        rows.append(keys | {"seed": seed, "task": task} | found | ended)
         if seed == testbed.shown:
             paths.append(_path(testbed, keys | {"task": task}, moved, reference))
     return pd.DataFrame(rows), paths
@@ -143,33 +143,45 @@ def _track_one(testbed: Testbed, candidate: Candidate) -> tuple[pd.DataFrame, li
 
 def _follow_sines(
     testbed: Testbed, model: InverseDynamics
-) -> tuple[ControlledRun, ReferencePath, tuple[float, float]]:
-    """Run of the sines, reference path of the joints, and NMSE of q and qd."""
-    reference = sine_path(testbed.arm.robot.tree, testbed.motion)
+) -> tuple[ControlledRun, ReferencePath, dict[str, float]]:
+    """ControlledRun of the sines, reference path of the joints, and scores.
+
+    `feedback_share`: RMS of the feedback's torque over that of the drives, mean over joints; NaN if stopped.
+    """
+    reference, feedback = sine_path(testbed.arm.robot.tree, testbed.motion), testbed.feedback
     q, qd = reference.position, reference.velocity
-    moved = run_controller(testbed.arm, sine_controller(model, reference, testbed.feedback), q[0], qd[0])
-    position, velocity = (
-        float(np.mean(_squared_error(moved, found, wanted) / wanted.var(axis=0)))
-        for found, wanted in ((moved.q, q), (moved.qd, qd))
-    )
-    return moved, reference, (position, velocity)
+    moved = run_controller(testbed.arm, sine_controller(model, reference, feedback), q[0], qd[0])
+    scores = {
+        f"{name}_nmse": float(np.mean(_squared_error(moved, found, wanted) / wanted.var(axis=0)))
+        for name, found, wanted in (("position", moved.q, q), ("velocity", moved.qd, qd))
+    }
+    share = np.nan
+    if not moved.stopped:
+        added = feedback.stiffness * (q - moved.q) + feedback.damping * (qd - moved.qd)
+        share = float(np.sqrt(np.mean(added**2, axis=0) / np.mean(moved.torques**2, axis=0)).mean())
+    return moved, reference, scores | {"feedback_share": share}
 
 
 def _reach(
     testbed: Testbed, model: InverseDynamics, seed: int
-) -> tuple[ControlledRun, ReferencePath, tuple[float, float]]:
-    """Run of the reaches, reference path of the tool, and NMSE of x and xd."""
+) -> tuple[ControlledRun, ReferencePath, dict[str, float]]:
+    """ControlledRun of the random_reaches, reference path of the tool, and scores.
+
+    `acceleration_error_m_s2`: RMS error of the tool's acceleration, which oscillations raise most.
+    """
     tree, parameters = testbed.arm.robot.tree, testbed.reaching
     reference = random_reaches(tree, parameters, testbed.motion.rate_hz, seed)
     posture = first_posture(tree, parameters)
     controller = reaching_controller(tree, model, reference, testbed.feedback, parameters)
     moved = run_controller(testbed.arm, controller, posture, np.zeros_like(posture))
     x, xd = tool_motion(tree, parameters.tool_m, moved.q, moved.qd)
-    position, velocity = (
-        float(_squared_error(moved, found, wanted).sum() / wanted.var(axis=0).sum())
-        for found, wanted in ((x, reference.position), (xd, reference.velocity))
-    )
-    return moved, reference, (position, velocity)
+    scores = {
+        f"{name}_nmse": float(_squared_error(moved, found, wanted).sum() / wanted.var(axis=0).sum())
+        for name, found, wanted in (("position", x, reference.position), ("velocity", xd, reference.velocity))
+    }
+    off = np.diff(xd - reference.velocity[: len(xd)], axis=0) * testbed.motion.rate_hz
+    rms = float(np.sqrt(np.mean(np.sum(off**2, axis=1)))) if len(off) else np.nan
+    return moved, reference, scores | {"acceleration_error_m_s2": rms}
 
 
 def _squared_error(moved: ControlledRun, found: np.ndarray, wanted: np.ndarray) -> np.ndarray:

@@ -1,9 +1,10 @@
 """Trainings of chapter III on arm motions: every kind of model in two forms, by seed or robot.
 
-The published form follows the dissertation: the raw loss of eq. III.2, and Adam with its usual defaults,
-since no optimiser is named. Our form normalises the loss by each joint's torque and uses one optimiser for
-all kinds, chosen for the networks on a motion that is not scored. Models also learn online, in one pass over
-the motion without shuffling (III.4.1.2).
+The dissertation names no optimiser, learning rate or batch. The chosen form takes them, and whether the loss
+is normalised by each joint's torque, from a choice made for each kind on a motion that is not scored
+(`protocol.training_choice`). The plain form is the least reading of the text: the raw loss of eq. III.2 as
+printed, and Adam with its usual defaults. Models also learn online, in one pass over the motion without
+shuffling (III.4.1.2).
 """
 
 from collections.abc import Mapping, Sequence
@@ -14,13 +15,13 @@ from typing import Annotated, Literal, get_args
 
 import numpy as np
 import pandas as pd
-from pydantic import Field, NonNegativeInt
+from pydantic import Field, NonNegativeInt, model_validator
 
-from structlearn.core.artefacts import Metrics
+from structlearn.core.metrics import nmse
 from structlearn.core.parallel import parallel_map
 from structlearn.core.params import Parameters
 from structlearn.networks.torch_settings import AdamParameters, one_thread, seeded
-from structlearn.rigid_body.dynamics_models import DynamicsModels
+from structlearn.rigid_body.dynamics_models import DynamicsModels, predicted_torques
 from structlearn.rigid_body.dynamics_training import (
     Kind,
     LearningParameters,
@@ -46,19 +47,17 @@ ROBOT_FRICTIONS = {"mlp": ("none",), "mlp_scaled": ("none",), "delan": ("viscous
 
 STRUCTURE_FRICTIONS = ("viscous", "coulomb")  # all structures, on robots' logs
 
-Form = Literal["published", "ours"]
-PUBLISHED, OURS = get_args(Form)
-FORMS: Mapping[str, Form] = {"text": PUBLISHED, "ours": OURS}
-"""By their names in `params.yaml`, which the digests of the study were made from."""
-
-LOSSES: Mapping[Form, Loss] = {PUBLISHED: "raw", OURS: "normalised"}
+Form = Literal["chosen", "plain"]
+FORMS: tuple[Form, ...] = get_args(Form)
+CHOSEN, PLAIN = FORMS
 
 STACKED: tuple[NetworkKind, ...] = ("mlp", "delan")
 """Kinds that learn all robots' logs as one stack: for single small networks, overhead would dominate."""
 
-UNPUBLISHED = ("mlp_scaled",)  # kinds without a published form
+PART = "part"
+"""Motion of the first part of `IDEAL`'s, to learn from less data."""
 
-DIVERGED = 1e6  # NMSE at which errors are clipped: beyond it, models are equally bad
+UNPUBLISHED = ("mlp_scaled",)  # kinds that the dissertation does not have, and without a plain form
 
 Seeds = Annotated[tuple[NonNegativeInt, ...], Field(min_length=1)]
 
@@ -70,24 +69,40 @@ class EpochLimits(Parameters):
     robot: int = Field(ge=1)
 
 
+class ChosenTraining(AdamParameters):
+    """What the dissertation leaves open of a model's training, as chosen (`protocol.training_choice`)."""
+
+    loss: Loss
+
+    def of(self, learning: LearningParameters) -> LearningParameters:
+        """Learning parameters with this optimiser."""
+        return learning.model_copy(update={"networks": self, "structures": self})
+
+
 class DynamicsTrainingParameters(Parameters):
     """Parameters of the trainings."""
 
     models: tuple[Kind, ...]
-    forms: tuple[Literal["text", "ours"], ...]
     seeds: Seeds
     learning: LearningParameters
-    ours: AdamParameters
+    chosen: dict[Kind, ChosenTraining]
+    part: float = Field(gt=0, lt=1)
     stride: int = Field(ge=1)
     epochs: EpochLimits
     futility_epochs: int = Field(ge=1)
     smoothing_hz: float = Field(gt=0)
 
-    def of(self, form: Form) -> LearningParameters:
-        """Learning parameters of a form."""
-        if form == PUBLISHED:
-            return self.learning
-        return self.learning.model_copy(update={"networks": self.ours, "structures": self.ours})
+    @model_validator(mode="after")
+    def _are_chosen(self) -> "DynamicsTrainingParameters":
+        if missing := set(self.models) - set(self.chosen):
+            raise ValueError(f"chosen: no training of {', '.join(sorted(missing))}")
+        return self
+
+    def of(self, form: Form, kind: Kind) -> tuple[Loss, LearningParameters]:
+        """Loss and learning parameters of a kind in a form."""
+        if form == PLAIN:
+            return "raw", self.learning
+        return self.chosen[kind].loss, self.chosen[kind].of(self.learning)
 
 
 class OnlineParameters(Parameters):
@@ -112,7 +127,7 @@ class Training:
 
     @property
     def arm(self) -> str:
-        """`IDEAL` or `ROBOT`."""
+        """`IDEAL`, `PART` of it, or `ROBOT`."""
         return self.motion.split("/")[0]
 
     @property
@@ -127,12 +142,14 @@ class Training:
 
 
 def trainings(robots: Sequence[int], parameters: DynamicsTrainingParameters) -> list[Training]:
-    """All trainings on the arm's motion and on the log of each robot."""
+    """All trainings on the arm's motion, on a part of it, and on the log of each robot."""
     found = []
-    for kind, form in product(parameters.models, map(FORMS.__getitem__, parameters.forms)):
-        if form == PUBLISHED and kind in UNPUBLISHED:
+    for kind, form in product(parameters.models, FORMS):
+        if form == PLAIN and kind in UNPUBLISHED:
             continue
         found.append(Training(IDEAL, kind, "none", form, parameters.seeds))
+        if form == CHOSEN:
+            found.append(Training(PART, kind, "none", form, parameters.seeds))
         found += [
             Training(f"{ROBOT}/{robot}", kind, friction, form, (robot,))
             for robot, friction in product(robots, ROBOT_FRICTIONS.get(kind, STRUCTURE_FRICTIONS))
@@ -146,17 +163,19 @@ def train_all(
     tree: KinematicTree,
     parameters: DynamicsTrainingParameters,
 ) -> tuple[dict[str, DynamicsModels], pd.DataFrame, pd.DataFrame]:
-    """Train all models in parallel; DeLaN first, since it takes longest.
+    """Train all models in parallel; DeLaN first, since it takes longest. `motions`: without `PART`.
 
     Returns:
         Models, keyed by `Training.file`.
         Errors: `arm`, `model` (`cov`, `cov_coulomb`), `form`, `seed`, `epoch`, `joint` (from 1), `nmse`.
         Outcomes: `arm`, `model`, `form`, `seed`; `epochs` to the threshold on every joint and
         `epochs_but_last` on every joint but the last (NaN: not reached); `nmse_mean` and `nmse_max` over
-        joints of the model that was kept; `met`, whether the published criterion is met, so that the model
-        may track: in simulation the threshold on every joint, on robots' logs on average (III.4.2.1), where
-        only networks have to meet it.
+        joints of the model that was kept (of `PART`, on the whole motion); `met`, whether the text's
+        criterion is met, so that the model may track: in simulation the threshold on every joint, on
+        robots' logs on average (III.4.2.1), where only networks have to meet it.
     """
+    whole = motions[IDEAL]
+    motions = {**motions, PART: whole.part(slice(round(parameters.part * len(whole))))}
     # trainings in one process: structures share a regressor, networks of robots are stacked
     groups: dict[tuple, list[Training]] = {}
     for training in work:
@@ -173,9 +192,6 @@ def train_all(
     for training in work:
         learned = results[training]
         keys = {"arm": training.arm, "model": training.model, "form": training.form}
-        table = epoch_errors(learned.nmse, "epoch")
-        errors.append(table.assign(seed=np.array(training.seeds)[table["seed"]], **keys))
-        outcomes.append(_outcomes(learned, training, parameters.learning.threshold).assign(**keys))
         models[training.file] = DynamicsModels(
             training.kind,
             tree.names,
@@ -183,23 +199,15 @@ def train_all(
             () if training.kind in STRUCTURES else parameters.learning.hidden,
             learned.state,
         )
+        outcome = _outcomes(learned, training, parameters.learning.threshold).assign(**keys)
+        if training.motion == PART:
+            outcome = outcome.assign(
+                **_errors_on(whole.part(slice(None, None, parameters.stride)), tree, models[training.file])
+            )
+        table = epoch_errors(learned.nmse, "epoch")
+        errors.append(table.assign(seed=np.array(training.seeds)[table["seed"]], **keys))
+        outcomes.append(outcome)
     return models, pd.concat(errors, ignore_index=True), pd.concat(outcomes, ignore_index=True)
-
-
-def optimiser_scores(outcomes: pd.DataFrame, limit: int) -> Metrics:
-    """Scores in simulation by which our optimiser is chosen, by kind of model.
-
-    `epochs_...`: mean over seeds of the epochs to the criterion, or `limit` if it was not met; `worst_...`:
-    geometric mean of the worst joint's NMSE of the models kept.
-    """
-    its = outcomes[(outcomes["arm"] == IDEAL) & (outcomes["form"] == OURS)]
-    epochs = its["epochs"].fillna(limit).groupby(its["model"]).mean()
-    worst = np.exp(np.log(its["nmse_max"].fillna(np.inf).clip(upper=DIVERGED)).groupby(its["model"]).mean())
-    return {
-        f"{name}_{kind}": float(value)
-        for name, values in (("epochs", epochs), ("worst", worst))
-        for kind, value in values.items()
-    }
 
 
 def learn_once_through(
@@ -240,8 +248,9 @@ def _train_together(
         if first.kind not in STACKED or first.arm != ROBOT:
             data = TrainingData(tree, motions[first.motion], terms)
             return [_train_one(training, data, parameters) for training in work]
-        learning, logs = parameters.of(first.form), [motions[training.motion] for training in work]
-        weights = np.stack([loss_weights(LOSSES[first.form], log) for log in logs])
+        loss, learning = parameters.of(first.form, first.kind)
+        logs = [motions[training.motion] for training in work]
+        weights = np.stack([loss_weights(loss, log) for log in logs])
         generators = [seeded(*training.seeds) for training in work]
         models = NetworkLearner(
             first.kind, logs, terms, weights, learning.networks, learning.hidden, generators
@@ -253,15 +262,15 @@ def _train_together(
 def _train_one(
     training: Training, data: TrainingData, parameters: DynamicsTrainingParameters
 ) -> TrainedModels:
-    learning = parameters.of(training.form)
-    models = learner(training.kind, data, LOSSES[training.form], training.seeds, learning)
+    loss, learning = parameters.of(training.form, training.kind)
+    models = learner(training.kind, data, loss, training.seeds, learning)
     if training.arm == ROBOT:
         return learn_in_epochs(models, 0.0, parameters.epochs.robot)
-    futile = training.form == PUBLISHED and training.kind in NETWORKS
+    futile = training.form == PLAIN and training.kind in NETWORKS
     futility = parameters.futility_epochs if futile else None
-    return learn_in_epochs(
-        models, learning.threshold, parameters.epochs.simulation, parameters.stride, futility
-    )
+    # of a part as many steps as of the whole
+    epochs = parameters.epochs.simulation / (parameters.part if training.motion == PART else 1.0)
+    return learn_in_epochs(models, learning.threshold, round(epochs), parameters.stride, futility)
 
 
 def _outcomes(learned: TrainedModels, training: Training, threshold: float) -> pd.DataFrame:
@@ -278,3 +287,9 @@ def _outcomes(learned: TrainedModels, training: Training, threshold: float) -> p
     met = on_average if training.arm == ROBOT else learned.epochs > 0
     columns = {"seed": training.seeds, "epochs": first, "epochs_but_last": first_but_last}
     return pd.DataFrame(columns | {"nmse_mean": mean, "nmse_max": nmse.max(axis=1), "met": met})
+
+
+def _errors_on(motion: Motion, tree: KinematicTree, models: DynamicsModels) -> dict[str, np.ndarray]:
+    """Mean and largest NMSE (M,) over the joints on a motion that the models did not learn from."""
+    errors = np.array([nmse(torques, motion.torque) for torques in predicted_torques(models, tree, motion)])
+    return {"nmse_mean": errors.mean(axis=1), "nmse_max": errors.max(axis=1)}

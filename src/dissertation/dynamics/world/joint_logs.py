@@ -58,6 +58,10 @@ class PayloadParameters(Parameters):
     radius_m: float = Field(gt=0)
     at_share: float = Field(gt=0, lt=1)
 
+    def pick_up_s(self, duration_s: float) -> float:
+        """Time in s of the pick-up in a log."""
+        return self.at_share * duration_s
+
 
 class RecordMotionParameters(Parameters):
     """Parameters of the recordings besides the sines."""

@@ -13,6 +13,7 @@ from matplotlib.figure import Figure
 from matplotlib.patches import Polygon
 from matplotlib.ticker import MaxNLocator
 
+from dissertation.evidence.results import Results
 from dissertation.scraping.names import (
     CORRECTED,
     REPRESENTATIONS,
@@ -26,11 +27,12 @@ from dissertation.scraping.page.demonstration_figures import (
     draw_electrodes,
     stacked_panels,
 )
-from dissertation.scraping.page.findings import ScrapingPeople
 from dissertation.scraping.page.stored import SAMPLES, Stored
-from dissertation.scraping.page.tables import PUBLISHED_ITERATIONS, curve, moments, settings
+from dissertation.scraping.page.tables import curve, moments, settings
 from dissertation.scraping.protocol.execution_scores import AFTER, BEFORE, NOMINAL
-from dissertation.scraping.protocol.feedback_models import POINTWISE
+from dissertation.scraping.protocol.feedback_models import POINTWISE, STOPPINGS
+from dissertation.scraping.protocol.phase_dependence import dominant_nodes
+from dissertation.scraping.protocol.results import CONVERGED
 from dissertation.scraping.world import layout
 from structlearn.core import signals
 from structlearn.core.metrics import matching
@@ -109,27 +111,23 @@ def targets_figure(stored: Stored) -> list[Figure]:
 
 
 @styled
-def models_figure(errors: pd.DataFrame, people: ScrapingPeople) -> list[Figure]:
-    """Figure IV.16, top and middle: generalisation NMSE of the representations, mean and std over folds.
+def models_figure(results: Results) -> list[Figure]:
+    """Figure IV.16, top and middle: generalisation NMSE of the representations, geometric mean over people.
 
     Bars are at the best step for the demonstration left out, as in the dissertation; diamonds at the step
-    chosen by validation; dots are the means of single people of the study.
+    chosen by validation; dots are single people.
     """
-    primitives, figures = errors["primitive"].unique(), []
-    errors = errors.set_index(["primitive", "representation", "stopping"])
+    errors = results.wide("nmse", ["primitive", "model", "stopping"])
+    figures, primitives = [], errors.columns.unique("primitive") if len(errors.columns) else ()
     for what, chosen in (("structures", STRUCTURES), ("features inside or apart", EMBEDDINGS)):
         for name in primitives:
-            shown = [one for one in chosen if (name, one, "generalization") in errors.index]
+            shown = [one for one in chosen if (name, one, "generalization") in errors]
             figure, axes = panel(f"{name}: {what}", 2.6)
             for place, one in enumerate(reversed(shown)):
-                row = errors.loc[(name, one, "generalization")]
-                mean, std = row["generalization_mean"], np.nan_to_num(row["generalization_std"])
-                axes.barh(place, mean, 0.62, color=REPRESENTATIONS[one].colour)
-                axes.errorbar(mean, place, xerr=std, color=BLACK, linewidth=1.0, capsize=4.0)
-                validated = errors.loc[(name, one, "validation"), "generalization_mean"]
-                axes.plot(validated, place, "D", color=BLACK, markerfacecolor="white", markersize=5)
-                if (values := people.of(one, name, "generalization_nmse", "generalization")) is not None:
-                    _dots(axes, values, np.full(len(values), place - 0.22))
+                best, validated = (errors[name, one, step].dropna() for step in reversed(STOPPINGS))
+                axes.barh(place, central(best), 0.62, color=REPRESENTATIONS[one].colour)
+                axes.plot(central(validated), place, "D", color=BLACK, markerfacecolor="white", markersize=5)
+                _dots(axes, best.to_numpy(), np.full(len(best), place - 0.22))
             names = [REPRESENTATIONS[one].name.replace(", then ", ",\nthen ") for one in reversed(shown)]
             axes.set_yticks(range(len(names)), names)
             axes.grid(axis="y", visible=False)
@@ -138,16 +136,21 @@ def models_figure(errors: pd.DataFrame, people: ScrapingPeople) -> list[Figure]:
     return figures
 
 
+def central(values: pd.Series) -> float:
+    """Geometric mean over people, since NMSE and costs are skewed."""
+    return float(np.exp(np.log(values).mean()))
+
+
 @styled
 def weights_figure(stored: Stored) -> list[Figure]:
     """Figure IV.16, bottom: hidden nodes with the largest weights for each phase kernel."""
     figures, colours = [], ListedColormap([BLUE, "#f5d76e"])
     for name in stored.adapted:
-        dominant = stored.dominant(name)
+        dominant = dominant_nodes(stored.networks[name])
         if dominant is None:
             continue
         figure, axes = panel(f"{name}: largest weights of every kernel", 2.6)
-        axes.imshow(dominant[0], cmap=colours, aspect="auto", interpolation="nearest")
+        axes.imshow(dominant, cmap=colours, aspect="auto", interpolation="nearest")
         axes.set(xlabel="node of the hidden layer", ylabel="phase kernel")
         axes.grid(visible=False)
         figures.append(figure)
@@ -252,25 +255,23 @@ def roll_figure(stored: Stored) -> list[Figure]:
 
 @styled
 def cost_figure(
-    names: Sequence[str],
-    costs: pd.DataFrame,
-    note: Callable[[float], str],
-    people: ScrapingPeople | None = None,
+    names: Sequence[str], results: Results, quantity: str, note: Callable[[float], str]
 ) -> list[Figure]:
-    """Figure IV.20: accumulated cost by setting and model, mean and std over executions."""
-    figures, models, tilts = [], list(costs["model"].unique()), settings(costs)
-    width = 0.8 / len(models)
-    for primitive in costs["primitive"].unique():
+    """Figure IV.20: accumulated cost by setting and model, geometric mean over people and a dot each."""
+    costs = results.wide(quantity, ["primitive", "model", "setting"])
+    figures, primitives = [], costs.columns.unique("primitive") if len(costs.columns) else ()
+    for primitive in primitives:
+        own = costs[primitive]
+        models, tilts = own.columns.unique("model"), sorted(own.columns.unique("setting"))
+        width = 0.8 / len(models)
         figure, axes = panel(primitive_title(names, primitive))
         for place, model in enumerate(models):
-            rows = matching(costs, primitive=primitive, model=model).sort_values("setting_deg")
-            x = np.arange(len(rows)) + width * (place - 0.5 * (len(models) - 1))
-            axes.bar(x, rows["mean"], 0.92 * width, color=RUNS[model].colour, label=RUNS[model].name)
-            look: dict[str, Any] = {"color": BLACK, "linestyle": "none", "linewidth": 0.9, "capsize": 2.0}
-            axes.errorbar(x, rows["mean"], np.nan_to_num(rows["std"]), **look)
-            for at, setting in zip(x, rows["setting_deg"], strict=True):
-                if people and (values := people.of("cost", model, primitive, setting)) is not None:
-                    _dots(axes, np.full(len(values), at), values)
+            x = np.arange(len(tilts)) + width * (place - 0.5 * (len(models) - 1))
+            each = [own[model, tilt].dropna() for tilt in tilts]
+            look: dict[str, Any] = {"color": RUNS[model].colour, "label": RUNS[model].name}
+            axes.bar(x, [central(values) for values in each], 0.92 * width, **look)
+            for at, values in zip(x, each, strict=True):
+                _dots(axes, np.full(len(values), at), values.to_numpy())
         ticks = [f"{setting:g}\n{note(setting)}" for setting in tilts]
         axes.set_xticks(range(len(ticks)), ticks, fontsize=7.5)
         axes.grid(axis="x", visible=False)
@@ -327,7 +328,7 @@ def learning_figure(stored: Stored, curves: pd.DataFrame) -> list[Figure]:
             look = {"transform": axes.get_xaxis_transform(), "clip_on": False, "label": "failed rollouts"}
             axes.plot(failed["iteration"] - 0.5, np.ones(len(failed)), "x", color=BLACK, **look)
         look = {"color": BLACK, "linestyle": ":", "linewidth": 1.0, "zorder": 1}
-        axes.axvline(PUBLISHED_ITERATIONS, **look, label="converged, as published")
+        axes.axvline(CONVERGED, **look, label="converged, as published")
         axes.xaxis.set_major_locator(MaxNLocator(integer=True))
         axes.grid(axis="x", visible=False)
         axes.set(xlabel="iteration", ylabel="accumulated cost (rad)", ylim=(0.0, 1.5 * axes.get_ylim()[1]))

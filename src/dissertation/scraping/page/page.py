@@ -5,14 +5,19 @@ from functools import partial
 from pathlib import Path
 from typing import Any
 
-from dissertation.evidence.claims import judge, read_claims
+import pandas as pd
+
+from dissertation.evidence.claims import judge, read_claims, rendered
 from dissertation.evidence.judged_page import JudgedDocument
-from dissertation.evidence.studies import rests_on
+from dissertation.evidence.results import Results, with_study
+from dissertation.evidence.studies import OURS, Study, rests_on
 from dissertation.scraping import names
 from dissertation.scraping.page import alignment_figures, board_figures, demonstration_figures, tables
-from dissertation.scraping.page.findings import people_of
-from dissertation.scraping.page.stored import PEOPLE, Stored, channel_name
+from dissertation.scraping.page.findings import STUDY, WHO
+from dissertation.scraping.page.stored import Stored, channel_name
 from dissertation.scraping.protocol.feedback_models import POINTWISE
+from dissertation.scraping.protocol.phase_dependence import dominant_nodes
+from dissertation.scraping.protocol.results import UNSEEN, role_of
 from dissertation.scraping.world.scene_still import scraping_still
 from structlearn.core.params import read_values
 from structlearn.primitives.kernels import KERNEL_COUNT
@@ -26,6 +31,7 @@ PAGES = {"index": "Segmentation and primitives", "feedback": "Feedback", "refine
 """Page titles, by file name."""
 
 SOURCES = {
+    "results": Source("data/results/scraping.parquet", "scraping_results"),
     "demonstrations": Source("data/runs/scraping/nominal.parquet", "scraping_import_nominal"),
     "segments": Source("data/segments/scraping", "scraping_segment"),
     "sweep": Source("data/segments/scraping_sweep", "scraping_sweep"),
@@ -44,9 +50,9 @@ SOURCES = {
 """Files behind figures and tables, and the stages that write them."""
 
 
-def published() -> Mapping[str, Any]:
-    """Values printed in the dissertation, from `published.yaml`."""
-    return read_values(Path(__file__).with_name("published.yaml"))
+def beside(name: str) -> Any:
+    """Content of a YAML file beside this module."""
+    return read_values(Path(__file__).with_name(f"{name}.yaml"))
 
 
 def pages(
@@ -54,35 +60,39 @@ def pages(
     frames: tables.Frames,
     find: Findings,
     shown: Mapping[str, Table],
-    printed: Mapping[str, Any],
+    study: Study | None,
     listed: Mapping[str, Iterable[str]],
 ) -> dict[str, JudgedDocument]:
     """All pages, keyed by file name.
 
-    `frames`: tables of `tables.derived`; `shown`: the same as displayed; `printed`: of `published`; `listed`:
-    parameter keys of each page.
+    `frames`: tables of `tables.derived`; `shown`: the same as displayed; `listed`: parameter keys of each
+    page.
     """
-    count = people_of(stored).count
-    over = f"Over {count} people" if count else "Over people, who were not studied with these parameters,"
-    refined = stored.tables["refined_scores"]
+    numbers, refined = find.numbers(), stored.tables["refined_scores"]
+    count, role = numbers.get("people"), partial(role_of, parameters=stored.parameters["refine"])
+    trained = stored.parameters["train_feedback"]
     facts = {
         "pages": PAGES,
-        "published": printed,
+        "published": beside("published"),
         "params": stored.parameters,
         "person": stored.parameters["scraping_people"].shown,
         "stored": stored,
         "frames": frames,
         "derive": tables,
         "tilts": tables.settings(stored.tables["scores"], tilted=True),
-        "unseen": [one for one in tables.settings(refined) if stored.role(one) == "unseen"],
+        "unseen": [one for one in tables.settings(refined, tilted=True) if role(one) == UNSEEN],
         "refined": stored.tables["history"]["primitive"].unique().tolist(),
+        "role": role,
+        "dominant": {name: dominant_nodes(its) for name, its in stored.networks.items()},
+        "trained": names.network_name(trained.network, trained.hidden),
         "curve": partial(tables.curve, frames["refinement_curves"]),
         "channel_name": channel_name,
         "names": names,
         "found": find,
+        "numbers": numbers,
         "people": count,
         "kernel_count": KERNEL_COUNT,
-        "over": over,
+        "over": f"Over {count} people" if count else "For one person",
         "degrees": lambda settings: listing(f"{setting:g}°" for setting in settings),
     }
     made = {}
@@ -90,27 +100,43 @@ def pages(
         name = "segmentation" if page == "index" else page
         claims = read_claims(Path(__file__).with_name(f"{name}_claims.yaml"))
         its = facts | {"page": page}
+        untested = [
+            {key: rendered(text, its) for key, text in one.items()} for one in beside("untested")[name]
+        ]
         made[page] = JudgedDocument(
             template=f"{name}.html.jinja",
             package=__package__,
             stage="scraping_report",
-            facts=its,
+            facts=its | {"untested": untested},
             tables=shown,
             judged=judge(claims, find, its),
             sources=SOURCES,
             parameters={key: stored.parameters[key] for key in keys},
             recordings="../rerun/scraping",
             simulated=True,
-            basis=rests_on(PEOPLE, stored.study),
+            basis=rests_on(STUDY, study),
         )
     return made
 
 
-def drawings(stored: Stored, frames: tables.Frames) -> dict[str, Drawing | Sequence[Drawing]]:
+def shown_by_figures(own: pd.DataFrame, study: Study | None) -> tuple[Results, Results]:
+    """People whose results the figures of feedback and of the refinement show.
+
+    Those of the study where it was made with these parameters, else this run's person. The study's results of
+    the refinement lack most tilts, so that its figure is of this run's person.
+    """
+    population = with_study(own, study, WHO, [], variant=OURS)
+    return (population.results if population.results.has("cost") else population.one), population.one
+
+
+def drawings(
+    stored: Stored, frames: tables.Frames, own: pd.DataFrame, study: Study | None
+) -> dict[str, Drawing | Sequence[Drawing]]:
     """Figures of the three pages, as far as the data allow, keyed by name."""
-    people, raw, cuts = people_of(stored), stored.tables, stored.segmentation
+    raw, cuts = stored.tables, stored.segmentation
+    people, one = shown_by_figures(own, study)
     known = (*stored.parameters["coupling_dataset"].settings_deg, 0.0)
-    cost = partial(board_figures.cost_figure, stored.names)
+    role = partial(role_of, parameters=stored.parameters["refine"])
     made: dict[str, Drawing | Sequence[Drawing]] = {
         "demonstrations": demonstration_figures.demonstrations_figure(stored),
         "one_demonstration": demonstration_figures.one_demonstration_figure(stored),
@@ -124,25 +150,26 @@ def drawings(stored: Stored, frames: tables.Frames) -> dict[str, Drawing | Seque
         "orientation_fit": demonstration_figures.orientation_fit_figure(stored),
         "expected_traces": board_figures.expected_figure(stored),
         "coupling_targets": board_figures.targets_figure(stored),
-        "models": board_figures.models_figure(frames["model_errors"], people),
+        "models": board_figures.models_figure(people),
         "weights": board_figures.weights_figure(stored),
         "still": scraping_still(stored.tilted[POINTWISE][0], stored.tilt_deg),
         "executions": board_figures.executions_figure(stored),
         "board_roll": board_figures.roll_figure(stored),
-        "board_cost": cost(frames["board_costs"], lambda tilt: "" if tilt in known else "unseen", people),
+        "board_cost": board_figures.cost_figure(
+            stored.names, people, "cost", lambda tilt: "" if tilt in known else "unseen"
+        ),
         "refinement_learning": board_figures.learning_figure(stored, frames["refinement_curves"]),
-        "refinement_cost": cost(frames["refinement_costs"], stored.role),
+        "refinement_cost": board_figures.cost_figure(
+            stored.names, one, "refined_cost", lambda tilt: role(tilt) if tilt else "default"
+        ),
+        "alignment": alignment_figures.alignment_figure(stored.was_cut, cuts, stored.found_primitives),
     }
     for name in stored.adapted:
         panels = board_figures.closed_loop_figure(stored, name)
         made[f"closed_loop_{name}"] = [Raster(panel) for panel in panels]  # hundreds of lines
-    if stored.guesses:
-        first = stored.found_primitives[0]
-        guess = stored.most_refined_guess(first.name)
-        made["correspondences"] = alignment_figures.correspondence_figure(
-            stored.reference, guess, cuts, first
-        )
-        made["alignment"] = alignment_figures.alignment_figure(stored.was_cut, cuts, stored.found_primitives)
+    first = stored.found_primitives[0]
+    guess = stored.most_refined_guess(first.name)
+    made["correspondences"] = alignment_figures.correspondence_figure(stored.reference, guess, cuts, first)
     if stored.refined_deg in tables.settings(raw["refined_scores"]):
         made["refinement_snapshots"] = board_figures.snapshots_figure(stored)
     if "search_efficiency" in frames:

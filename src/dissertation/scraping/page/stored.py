@@ -1,4 +1,4 @@
-"""Stored outputs of the scraping testbed's stages and study, as its pages use them."""
+"""Outputs of the scraping testbed's stages for the person that its pages show."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
@@ -8,7 +8,6 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
-from dissertation.evidence.studies import Study, read_study
 from dissertation.scraping import files
 from dissertation.scraping.names import CORRECTED
 from dissertation.scraping.protocol.execution_scores import AFTER, BEFORE, NOMINAL
@@ -21,7 +20,7 @@ from structlearn.feedback.coupling_model import CouplingModel, read_networks
 from structlearn.primitives import vector
 from structlearn.primitives.fitting import Segment, segment_paths
 from structlearn.primitives.primitive_files import read_primitives
-from structlearn.primitives.sequence import PosePrimitive, largest_acceleration_jump
+from structlearn.primitives.sequence import PosePrimitive
 from structlearn.primitives.vector import VectorPrimitive
 from structlearn.readers.demonstration import Demonstration
 from structlearn.segmentation.alignment import RESULT
@@ -30,7 +29,6 @@ from structlearn.segmentation.segments import Segmentation, commanded_cuts, read
 from structlearn.tactile.electrodes import ELECTRODES_MM
 
 SAMPLES = 101  # samples over normalised time of curves that are compared
-PEOPLE = "scraping/people"  # the study behind the verdicts
 
 
 @dataclass(frozen=True)
@@ -38,7 +36,6 @@ class Stored:
     """Outputs of the stages, and selections from them that pages and figures share."""
 
     parameters: Mapping[str, Any]  # keyed as in `params.yaml`
-    study: Study | None  # over people; None if it was not run with these parameters
     tables: Mapping[str, pd.DataFrame]  # `files.TABLES`, and `checks` of the supervised data
     demonstrations: Sequence[Demonstration]  # complete ones, including those that could not be cut
     segmentation: Segmentation  # of the demonstrations
@@ -110,12 +107,6 @@ class Stored:
         return {"as demonstrated": self.tables["nominal"], "new situation": self.tables["generalised"]}
 
     @cached_property
-    def acceleration_jumps(self) -> list[float]:
-        """Largest relative acceleration jump at a switch, by sequence; empty without switches."""
-        several = len(self.primitives) > 1
-        return [largest_acceleration_jump(table) for table in self.sequences.values() if several]
-
-    @cached_property
     def segments(self) -> dict[str, list[Segment]]:
         """Segments from which each primitive was learned."""
         cuts, cutoff = self.segmentation.results, self.parameters["fit_primitives"].smoothing_hz
@@ -160,56 +151,11 @@ class Stored:
         ]
         return float(np.sqrt(np.mean(off))), float(np.sqrt(np.mean(spread)))
 
-    def dominant(self, primitive: str) -> tuple[np.ndarray, float, float] | None:
-        """Dominant nodes of a network (figure IV.16, bottom); None if it has no phase kernels.
-
-        Returns the mask (N, H) of `dominant_features`, and the mean number of these nodes shared by
-        neighbouring kernels and by any two kernels.
-        """
-        weights = self.networks[primitive].arrays().get("phase_weights")
-        if weights is None:
-            return None
-        dominant = dominant_features(weights)
-        shared, distance = shared_nodes(dominant)
-        return dominant, float(shared[distance == 1].mean()), float(shared.mean())
-
-    def role(self, setting_deg: float) -> str:
-        """How the refined models relate to a setting, in one word."""
-        if setting_deg == self.refined_deg:
-            return "refined"
-        if setting_deg in self.parameters["refine"].settings_deg:
-            return "learned"
-        return "default" if setting_deg == 0.0 else "unseen"
-
 
 def channel_name(channel: int) -> str:
     """Channel, finger and electrode as text, from the channel's index."""
     finger, electrode = divmod(channel, len(ELECTRODES_MM))
     return f"channel {channel + 1} ({FINGERS[finger]} finger, electrode {electrode + 1})"
-
-
-def shared_nodes(dominant: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Number of dominant nodes that each pair of phase kernels shares, and the kernels' distance."""
-    first, second = np.triu_indices(len(dominant), 1)
-    return (dominant.astype(int) @ dominant.T.astype(int))[first, second], second - first
-
-
-def sharing_over_phase(dominant: np.ndarray) -> float:
-    """Correlation, over pairs of phase kernels, of the number of shared dominant nodes with kernel distance.
-
-    Negative if nodes come and go with the phase; 0 on average for permuted kernels or weights, and 0 if the
-    nodes are the same at every phase. `dominant`: (N, H) of `dominant_features`.
-    """
-    shared, distance = shared_nodes(dominant)
-    return float(np.corrcoef(shared, distance)[0, 1]) if np.ptp(shared) else 0.0
-
-
-def dominant_features(phase_weights: np.ndarray) -> np.ndarray:
-    """Mask (N, H) of the ten nodes with the largest |weight| into each phase kernel, from weights (N, H)."""
-    order = np.argsort(-np.abs(phase_weights), axis=1, kind="stable")
-    dominant = np.zeros(phase_weights.shape, dtype=bool)
-    np.put_along_axis(dominant, order[:, :10], True, axis=1)
-    return dominant
 
 
 def informative_channel(dataset: CouplingDataset) -> tuple[int, float]:
@@ -237,7 +183,6 @@ def read_stored(found: files.ScrapingFiles, parameters: Mapping[str, Any]) -> St
     refined = {model: found.runs_at(tilt, files.REFINED, model) for model in (NOMINAL, BEFORE, AFTER)}
     return Stored(
         parameters=parameters,
-        study=read_study(PEOPLE),
         tables=tables | {"checks": pd.concat(checks, ignore_index=True)},
         demonstrations=found.runs("nominal"),
         segmentation=read_segmentation(found.data / "segments/scraping"),

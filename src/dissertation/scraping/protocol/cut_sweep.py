@@ -1,9 +1,10 @@
-"""Cut-point errors over the noise of the simulated demonstrator, and effects of down-sampling."""
+"""Cut-point errors over noise and thresholds, and effects of down-sampling, of simulated demonstrators."""
 
 from collections.abc import Sequence
 from dataclasses import replace
 from functools import partial
 from itertools import chain
+from typing import Annotated
 
 import numpy as np
 import pandas as pd
@@ -28,12 +29,13 @@ from structlearn.segmentation.segments import cut
 
 
 class SweepParameters(Parameters):
-    """Sweep over noise and down-sampling."""
+    """Sweep over noise, thresholds of the crossing and down-sampling."""
 
     noise_mm: tuple[float, ...] = Field(min_length=1)
     seeds: int = Field(ge=1, le=1000)
     first_seed: int = Field(ge=0)
     downsampling: tuple[int, ...] = Field(min_length=1)
+    threshold_factors: tuple[Annotated[float, Field(gt=0)], ...] = Field(min_length=2)
 
     @property
     def people(self) -> range:
@@ -42,7 +44,7 @@ class SweepParameters(Parameters):
 
 
 EFFECT = ["factor", "work", "mean_shift_ms", "max_shift_ms", "shift_samples", "shift_samples_published"]
-COLUMNS = ["noise_mm", "seed", "demonstration", "primitive", "method", "start_error_s", "end_error_s"]
+ERRORS = ["demonstration", "primitive", "method", "start_error_s", "end_error_s"]
 
 
 def noise_sweep(
@@ -63,6 +65,20 @@ def noise_sweep(
     by_person = parallel_map(work, parameters.people, "noise sweep")
     errors = chain.from_iterable(zip(*by_person, strict=True))  # ordered by level
     return pd.concat(errors, ignore_index=True)
+
+
+def threshold_sweep(
+    parameters: SweepParameters, simulation: DemonstratorParameters, segmentation: SegmentParameters
+) -> pd.DataFrame:
+    """Cut errors of all methods with every threshold of the crossing multiplied by some factors (IV.5).
+
+    The same threshold cuts the reference. Returns errors as of `cut_errors` with `factor` and `seed`, at the
+    demonstrator's own noise; demonstrations that could not be cut as of `noise_sweep`.
+    """
+    tolerant = segmentation.model_copy(update={"skip_failures": True})
+    factors = parameters.threshold_factors
+    work = partial(_errors_by_threshold, factors=factors, simulation=simulation, segmentation=tolerant)
+    return pd.concat(parallel_map(work, parameters.people, "threshold sweep"), ignore_index=True)
 
 
 def downsampling_sweep(
@@ -100,16 +116,35 @@ def _cut_errors(
             replace(one, edge_noise=noise * one.edge_noise, tilt_noise=noise * one.tilt_noise)
             for one in movements
         ]
-        demonstrations = _demonstrated(noisy, seed)
-        try:
-            cuts = cut(demonstrations, segmentation)
-            found, left_out = [cut_errors(demonstrations, cuts)], cuts.left_out["demonstration"]
-        except InputError:  # the reference could not be cut, so none can
-            found, left_out = [], [demonstration.name for demonstration in demonstrations]
-        missing = pd.DataFrame({"demonstration": left_out, "method": "left_out"})
-        rows = pd.concat([*found, missing], ignore_index=True).assign(noise_mm=noise, seed=seed)
-        tables.append(rows.reindex(columns=COLUMNS))
+        tables.append(_errors(_demonstrated(noisy, seed), segmentation).assign(noise_mm=noise, seed=seed))
     return tables
+
+
+def _errors_by_threshold(
+    seed: int, factors: Sequence[float], simulation: DemonstratorParameters, segmentation: SegmentParameters
+) -> pd.DataFrame:
+    """Errors of one person with each threshold."""
+    demonstrations = _demonstrated(intended_movements(simulation.model_copy(update={"seed": seed})), seed)
+    tables = []
+    for factor in factors:
+        scaled = [
+            one.model_copy(update={"threshold_m_s": one.threshold_m_s and factor * one.threshold_m_s})
+            for one in segmentation.primitives
+        ]
+        own = segmentation.model_copy(update={"primitives": tuple(scaled)})
+        tables.append(_errors(demonstrations, own).assign(factor=factor, seed=seed))
+    return pd.concat(tables, ignore_index=True)
+
+
+def _errors(demonstrations: Sequence[Demonstration], segmentation: SegmentParameters) -> pd.DataFrame:
+    """`cut_errors`, and a row with method `left_out` for each demonstration that could not be cut."""
+    try:
+        cuts = cut(demonstrations, segmentation)
+        found, left_out = [cut_errors(demonstrations, cuts)], cuts.left_out["demonstration"]
+    except InputError:  # the reference could not be cut, so none can
+        found, left_out = [], [demonstration.name for demonstration in demonstrations]
+    missing = pd.DataFrame({"demonstration": left_out, "method": "left_out"})
+    return pd.concat([*found, missing], ignore_index=True).reindex(columns=ERRORS)
 
 
 def _demonstrated(movements: Sequence[Intention], seed: int) -> list[Demonstration]:

@@ -16,7 +16,6 @@ from pydantic import Field
 from dissertation.scraping.world.layout import tool_roll_deg
 from structlearn.core import quaternion
 from structlearn.core.errors import InputError
-from structlearn.core.metrics import mean_interval
 from structlearn.core.params import Parameters
 from structlearn.feedback.coupling_model import CouplingModel
 from structlearn.feedback.coupling_targets import Cuts, SupervisionParameters, executed_primitive, thinned
@@ -109,22 +108,6 @@ def execution_scores(
                 }
             rows.append(row)
     return pd.DataFrame(rows)
-
-
-def cost_ratios(scores: pd.DataFrame, model: str, baseline: str = "nominal") -> pd.DataFrame:
-    """Accumulated cost with a model relative to a baseline; runs of equal name are pairs.
-
-    `scores`: rows of `scores` for both. Returns one row per `setting_deg`: `ratio` of the mean costs over all
-    scored primitives, and the mean paired difference `lower_rad` (baseline minus model) with the half-width
-    of its 95 % interval.
-    """
-    totals = scores.groupby(["model", "setting_deg", "run"])["cost_rad"].sum()
-    rows = []
-    for setting in sorted(scores["setting_deg"].unique()):
-        ours, theirs = totals[model, setting], totals[baseline, setting]
-        lower, half_width = mean_interval((theirs - ours).to_numpy())
-        rows.append((setting, ours.mean() / theirs.mean(), lower, half_width))
-    return pd.DataFrame(rows, columns=["setting_deg", "ratio", "lower_rad", "half_width"])
 
 
 def scores(

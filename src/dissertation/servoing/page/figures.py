@@ -15,25 +15,18 @@ from matplotlib.patches import Patch
 from matplotlib.typing import LineStyleType
 
 from dissertation.servoing import names
-from dissertation.servoing.page.findings import (
-    PUBLISHED,
-    TEST_CHAIN,
-    ModelScores,
-    ServoingResults,
-    contact_bias,
-    rate,
-)
+from dissertation.servoing.page.findings import TEST_CHAIN
+from dissertation.servoing.page.shown import Shown
+from dissertation.servoing.protocol.results import STRUCTURED, controller_keys
 from dissertation.servoing.protocol.servo_scores import KEYS, rows_of, success_by_tolerance
-from dissertation.servoing.protocol.servo_variants import ADAPTIVE, ServoVariant
+from dissertation.servoing.protocol.servo_variants import ADAPTIVE, SPACES, ServoVariant
 from dissertation.simulation.still import Sheet, Solid, View, still
 from structlearn.core import quaternion
-from structlearn.core.metrics import mean_interval
 from structlearn.palette import BLACK, BLUE, GREY, LIGHT_GREY, ORANGE
+from structlearn.reporting.evidence import Evidence, clustered_share, geometric_mean, mean
 from structlearn.reporting.figure_style import PANEL_WIDTH, Drawing, Raster, canvas, styled
 from structlearn.tactile.electrodes import Skin
-from structlearn.tactile.latent_parameters import NO_INVERSE, STRUCTURES, InverseModel
-
-BOUNDS = {"reconstruction": PUBLISHED["reconstruction_nmse"], "distances": PUBLISHED["distances_nmse"]}
+from structlearn.tactile.latent_parameters import NO_INVERSE, InverseModel
 
 MAP_SAMPLES = 12_000  # samples drawn in the latent map; more would overlap
 FEWEST = 10  # samples that a square of skin needs before its mean error is drawn
@@ -51,21 +44,20 @@ VIEW = View(target=(0.0, 0.0, 0.06), distance=0.66, yaw_deg=35.0, pitch_deg=-8.0
 
 
 @styled
-def drawings(results: ServoingResults) -> dict[str, Drawing | Sequence[Drawing]]:
-    """All figures, keyed by name."""
-    models = results.models
+def drawings(shown: Shown, published: Mapping[str, float]) -> dict[str, Drawing | Sequence[Drawing]]:
+    """All figures, keyed by name; `published`: bounds of errors."""
     others = [kind for kind in names.DYNAMICS[:-1] if kind[1] != NO_INVERSE]
     return {
-        "map": _maps(results),
-        "curve": _training(models),
-        "forward": _forward(models, names.DYNAMICS[-1]),
-        "forward_others": [panel for kind in others for panel in _forward(models, kind)],
-        "directions": [_directions(models, structure) for structure in STRUCTURES],
-        "contact": _contacts(results),
-        "scene": [_scene_still(results), _approach(results)],
-        "loop_success": [_success(results, form) for form in names.FORM_NAMES],
-        "loop_paths": [_ways(results, variant) for variant in (names.AS_PUBLISHED, names.OURS)],
-        "loop_progress": _progress(results),
+        "map": _maps(shown),
+        "curve": _training(shown, published),
+        "forward": _forward(shown, names.DYNAMICS[-1]),
+        "forward_others": [panel for kind in others for panel in _forward(shown, kind)],
+        "directions": [_directions(shown, space) for space in SPACES.values()],
+        "contact": _contacts(shown),
+        "scene": [_scene_still(shown), _approach(shown)],
+        "loop_success": [_success(shown, form) for form in names.FORM_NAMES],
+        "loop_paths": [_ways(shown, variant) for variant in (names.AS_PUBLISHED, names.OURS)],
+        "loop_progress": _progress(shown),
     }
 
 
@@ -84,9 +76,9 @@ def _lines(labels: Mapping[LineStyleType, str]) -> list[Artist]:
     return [Line2D([], [], color=BLACK, linestyle=line, label=label) for line, label in labels.items()]
 
 
-def _scene_still(results: ServoingResults) -> np.ndarray:
+def _scene_still(shown: Shown) -> np.ndarray:
     """Still image (H, W, 3) of the finger lying across the handle."""
-    skin, radius = results.skin, 1e-3 * results.chosen["toucher"].handle_radius_mm
+    skin, radius = shown.skin, 1e-3 * shown.chosen["toucher"].handle_radius_mm
     touched = skin.surface(ALONG_M, 0.0)
     over = -touched - radius * skin.normal(touched)  # origin of the finger in the frame of the handle
     half = np.array([0.5 * HANDLE_M, 0.0, 0.0])
@@ -113,29 +105,29 @@ def _all_round(skin: Skin, position: np.ndarray, turned: np.ndarray, colour: tup
     return Sheet(SCALE * (position + quaternion.rotate(orientation, points)), normals, colour)
 
 
-def _approach(results: ServoingResults) -> Figure:
+def _approach(shown: Shown) -> Figure:
     """Distance from the target over time for the dissertation's controller and ours."""
     figure, axes = _panel("From the target, with NJ", "time (s)", "distance (mm)")
     for variant in (names.OURS, names.AS_PUBLISHED):
-        rows, colour = rows_of(results.loops["progress"], variant), names.FORM_COLOURS[variant.form]
+        rows, colour = rows_of(shown.loops["progress"], variant), names.FORM_COLOURS[variant.form]
         axes.plot(rows["time_s"], rows["median_mm"], color=colour, label=names.FORM_NAMES[variant.form])
         axes.fill_between(rows["time_s"], rows["median_mm"], rows["upper_mm"], color=colour, alpha=0.15, lw=0)
-    bound = results.chosen["servo"].tolerance.position_mm
+    bound = shown.chosen["servo"].tolerance.position_mm
     axes.axhline(bound, color=BLACK, linestyle=":", linewidth=1.1, label="tolerated")
     axes.set(xlim=(0, None), ylim=(0, None))
     axes.legend()
     return figure
 
 
-def _maps(results: ServoingResults) -> list[Raster]:
+def _maps(shown: Shown) -> list[Raster]:
     """Figure II.3: latent map beside the skin, samples coloured by their most active electrode."""
-    electrode = results.models.latent_map["electrode"].to_numpy()
-    colours = np.array(names.electrode_colours(len(results.skin.electrodes)))
+    electrode = shown.models["latent_map"]["electrode"].to_numpy()
+    colours = np.array(names.electrode_colours(len(shown.skin.electrodes)))
     kept = np.linspace(0, len(electrode) - 1, min(MAP_SAMPLES, len(electrode))).astype(int)
     panels = []
     for points, title in (
-        (results.map_on_skin, "Latent map (x and y of z)"),
-        (results.places, "Contact points on the skin"),
+        (shown.map_on_skin, "Latent map (x and y of z)"),
+        (shown.places, "Contact points on the skin"),
     ):
         figure, axes = _panel(title, "along the finger (mm)", "across (mm)", 3.4)
         axes.scatter(points[kept, 0], points[kept, 1], s=2.5, c=colours[electrode[kept] - 1], linewidths=0)
@@ -148,16 +140,15 @@ def _maps(results: ServoingResults) -> list[Raster]:
     return panels
 
 
-def _contacts(results: ServoingResults) -> list[Figure]:
+def _contacts(shown: Shown) -> list[Figure]:
     """Errors of the estimated contact point across the skin, and their cumulative distribution."""
-    errors = results.contact_errors
-    bias = contact_bias(errors)
-    bias = bias[bias["samples"] >= FEWEST]
+    errors = shown.contact_errors
+    bias = shown.contact_bias[shown.contact_bias["samples"] >= FEWEST]
     left, place = _panel("From the true to the estimated contact", "along the finger (mm)", "across (mm)")
     parts = [bias[name] for name in ("square_along_mm", "square_across_mm", "along_mm", "across_mm")]
     scale: dict[str, Any] = {"angles": "xy", "scale_units": "xy", "scale": 1.0, "width": 0.006}
     arrows = place.quiver(*parts, bias["error_mm"], cmap="viridis_r", **scale)
-    _electrodes(place, results.skin)
+    _electrodes(place, shown.skin)
     left.colorbar(arrows, ax=place, label="mean error (mm)", shrink=0.9)
     right, share = _panel("Share of samples below an error", "error (mm)", "%")
     level = np.linspace(0.0, 1.0, 201)
@@ -174,21 +165,22 @@ def _electrodes(axes: Axes, skin: Skin) -> None:
     axes.set_aspect("equal")
 
 
-def _training(models: ModelScores) -> list[Figure]:
+def _training(shown: Shown, published: Mapping[str, float]) -> list[Figure]:
     """Test errors during training, with intervals over seeds."""
+    curves = shown.curves
     first, spaces = _panel("Latent space", "steps of training", "NMSE, test split")
     for name, colour in names.LATENT_COLOURS.items():
-        _line(spaces, models.training(name), colour, label=names.LATENT_NAMES[name])
-        if name in BOUNDS:
-            spaces.axhline(BOUNDS[name], color=colour, linestyle=":", linewidth=1.1)
+        _line(spaces, curves.loc[name], colour, label=names.LATENT_NAMES[name])
+        if f"{name}_nmse" in published:
+            spaces.axhline(published[f"{name}_nmse"], color=colour, linestyle=":", linewidth=1.1)
     spaces.set(yscale="log", ylim=(None, 5.0))
     second, forward = _panel(f"Forward, {TEST_CHAIN} steps", "steps of training", "NMSE, test split")
     third, inverse = _panel("Inverse", "steps of training", "cosine distance, test split")
     for model, loss in names.DYNAMICS:
         if loss != NO_INVERSE:
-            errors, colour = models.training(f"forward {model}-{loss}"), names.INVERSE_COLOURS[loss]
+            errors, colour = curves.loc[f"forward {model}-{loss}"], names.INVERSE_COLOURS[loss]
             _line(forward, errors, colour, label=names.dynamics_name(model, loss))
-            _line(inverse, models.training(f"direction {loss}-{loss}"), colour, label=loss)
+            _line(inverse, curves.loc[f"direction {loss}-{loss}"], colour, mean, label=loss)
     for axes in (forward, inverse):
         axes.set_ylim(0, None)
     for axes in (spaces, forward, inverse):
@@ -197,34 +189,39 @@ def _training(models: ModelScores) -> list[Figure]:
     return [first, second, third]
 
 
-def _line(axes: Axes, values: pd.DataFrame, colour: str, **look: Any) -> None:
-    """Mean over seeds (columns) at each index (rows), with its 95 % confidence band."""
-    at, (mean, half) = values.index, np.array([mean_interval(seeds) for seeds in values.to_numpy()]).T
-    axes.plot(at, mean, color=colour, **look)
-    axes.fill_between(at, np.maximum(mean - half, 1e-4), mean + half, color=colour, alpha=0.15, linewidth=0)
+def _line(
+    axes: Axes,
+    values: pd.DataFrame,
+    colour: str,
+    average: Callable[[np.ndarray], Evidence] = geometric_mean,
+    **look: Any,
+) -> None:
+    """Average over seeds (columns) at each index (rows), with its 95 % confidence band."""
+    found = [average(seeds) for seeds in values.to_numpy()]
+    axes.plot(values.index, [one.value for one in found], color=colour, **look)
+    ends = [one.low for one in found], [one.high for one in found]
+    axes.fill_between(values.index, *ends, color=colour, alpha=0.15, linewidth=0)
 
 
-def _forward(models: ModelScores, kind: tuple[str, str]) -> list[Figure]:
+def _forward(shown: Shown, kind: tuple[str, str]) -> list[Figure]:
     """Figure II.4 for one model: NMSE over the chain, absolute and relative to "nothing moves"."""
+    errors = shown.predictions
     panels = []
-    for values, quantity in ((models.forwards, "NMSE"), (models.relative_forwards, "over “nothing moves”")):
-        label = quantity if quantity == "NMSE" else f"NMSE {quantity}"
-        figure, axes = _panel(f"{names.dynamics_name(*kind)}, {quantity}", "steps of prediction", label)
-        for structure, colour in names.STRUCTURE_COLOURS.items():
+    for values, label in ((errors, "NMSE"), (shown.relative, "NMSE over “nothing moves”")):
+        title = f"{names.dynamics_name(*kind)}, {label.removeprefix('NMSE ')}"
+        figure, axes = _panel(title, "steps of prediction", label)
+        for space, colour in names.SPACE_COLOURS.items():
             for loss, line in ((kind[1], "-"), (NO_INVERSE, "--")):
-                found = [values(kind[0], loss, structure, steps) for steps in models.steps]
-                _line(axes, pd.DataFrame(found, models.steps), colour, linestyle=line)
-            still = [values(*names.STILL, structure, steps).mean() for steps in models.steps]
-            axes.plot(models.steps, still, color=colour, linestyle=":", linewidth=1.0)
-        axes.set_xticks(models.steps)
+                _line(axes, values.loc[space, kind[0], loss], colour, linestyle=line)
+            _line(axes, values.loc[(space, *names.STILL)], colour, linestyle=":", linewidth=1.0)
+        axes.set_xticks(errors.index.unique("steps"))
         panels.append(figure)
-    spaces = {name: names.STRUCTURE_COLOURS[one] for one, name in names.STRUCTURE_NAMES.items()}
     lines: Mapping[LineStyleType, str] = {"-": "with the loss", "--": "without it", ":": "nothing moves"}
-    handles = _patches(spaces) + _lines(lines)
-    nmse, relative = (panel.axes[0] for panel in panels)
+    handles = _patches(names.SPACE_COLOURS) + _lines(lines)
+    nmse, over = (panel.axes[0] for panel in panels)
     nmse.set(yscale="log", ylim=(0.008, 2.0))
     nmse.legend(handles=handles, ncols=2, loc="lower right")
-    relative.set_ylim(0, None)
+    over.set_ylim(0, None)
     return panels
 
 
@@ -232,17 +229,19 @@ def _bars(
     title: str,
     label: str,
     top: float,
-    groups: Mapping[str, Callable[[InverseModel, bool], Sequence[float]]],
+    groups: Mapping[str, Callable[[InverseModel, str], Evidence]],
     legend: bool,
 ) -> Figure:
-    """Bars of inverse models with intervals (value, low, high); hollow if trained without their loss."""
+    """Bars of inverse models with intervals, by loss trained with; hollow if trained without."""
     figure, axes = _panel(title, "", label)
     for group, found in enumerate(groups.values()):
         for place, (name, colour) in enumerate(names.INVERSE_COLOURS.items()):
-            for shift, with_loss in ((-0.2, True), (0.2, False)):
-                at, (value, *ends) = 4 * group + place + shift, found(name, with_loss)
-                axes.bar(at, value, 0.36, color=colour if with_loss else "white", edgecolor=colour)
-                axes.plot([at, at], ends, color=BLACK, linewidth=1.1)
+            for shift, loss in ((-0.2, name), (0.2, NO_INVERSE)):
+                at, one = 4 * group + place + shift, found(name, loss)
+                axes.bar(
+                    at, one.value, 0.36, color="white" if loss == NO_INVERSE else colour, edgecolor=colour
+                )
+                axes.plot([at, at], [one.low, one.high], color=BLACK, linewidth=1.1)
     axes.set_xticks([4.0 * group + 1.0 for group in range(len(groups))], list(groups))
     axes.grid(axis="x", visible=False)
     if legend:
@@ -252,37 +251,37 @@ def _bars(
     return figure
 
 
-def _directions(models: ModelScores, structure: bool) -> Figure:
+def _directions(shown: Shown, space: str) -> Figure:
     """Figure II.5: cosine distance of each inverse model, trained with and without its loss."""
 
-    def distance(comparison: str, name: InverseModel, with_loss: bool) -> tuple[float, float, float]:
-        mean, half = mean_interval(models.cosines(name, with_loss, structure, comparison))
-        return mean, mean - half, mean + half
+    def distance(target: str, name: InverseModel, loss: str) -> Evidence:
+        return mean(shown.directions.loc[space, name, loss, target].to_numpy())
 
-    groups = {name: partial(distance, comparison) for comparison, name in names.COMPARISON_NAMES.items()}
-    title = names.STRUCTURE_NAMES[structure].capitalize()
-    return _bars(title, "cosine distance", 1.3, groups, legend=structure)
+    groups = {name: partial(distance, target) for target, name in names.TARGET_NAMES.items()}
+    return _bars(space.capitalize(), "cosine distance", 1.3, groups, legend=space == STRUCTURED)
 
 
-def _success(results: ServoingResults, form: str) -> Figure:
+def _success(shown: Shown, form: str) -> Figure:
     """Success rate of the controllers of one form."""
 
-    def share(structure: bool, name: InverseModel, with_loss: bool) -> list[float]:
-        found = rate(results.trials, ServoVariant(form, name, structure, with_loss))
-        return [100 * one for one in (found.value, found.low, found.high)]
+    def share(structure: bool, name: InverseModel, loss: str) -> Evidence:
+        variant = ServoVariant(form, name, structure, loss == name)
+        its = shown.reached.loc[tuple(controller_keys(variant).values())]
+        found = clustered_share(*its.to_numpy().T)
+        return replace(found, value=100 * found.value, low=100 * found.low, high=100 * found.high)
 
-    groups = {names.STRUCTURE_NAMES[structure]: partial(share, structure) for structure in STRUCTURES}
+    groups = {name: partial(share, structure) for structure, name in SPACES.items()}
     title = names.FORM_NAMES[form].capitalize()
     return _bars(title, "% of targets reached", 101, groups, legend=form == names.AS_PUBLISHED.form)
 
 
-def _ways(results: ServoingResults, variant: ServoVariant) -> Figure:
+def _ways(shown: Shown, variant: ServoVariant) -> Figure:
     """True contact paths on the flat skin, from start (dot) to target (cross, orange if missed)."""
     title = names.FORM_NAMES[variant.form].capitalize()
     figure, axes = _panel(title, "along the finger (mm)", "across (mm)", 3.3)
-    skin = results.skin
-    trials = rows_of(results.loops["trials"], variant).set_index(["seed", "trial"])
-    for key, path in rows_of(results.loops["paths"], variant).groupby(["seed", "trial"]):
+    skin = shown.skin
+    trials = rows_of(shown.loops["trials"], variant).set_index(["seed", "trial"])
+    for key, path in rows_of(shown.loops["paths"], variant).groupby(["seed", "trial"]):
         row, touching = trials.loc[key], path[path["load_n"] > 0]
         path = 1e3 * np.stack(skin.coordinates(touching[["x_m", "y_m", "z_m"]].to_numpy(float)))
         axes.plot(*path, color=names.FORM_COLOURS[variant.form], linewidth=1.0)
@@ -296,9 +295,9 @@ def _ways(results: ServoingResults, variant: ServoVariant) -> Figure:
     return figure
 
 
-def _progress(results: ServoingResults) -> list[Figure]:
+def _progress(shown: Shown) -> list[Figure]:
     """Distance and share within tolerance over time, success by tolerance, and path lengths."""
-    loops, bound = results.loops, results.chosen["servo"].tolerance
+    loops, bound = shown.loops, shown.chosen["servo"].tolerance
     one, distance = _panel("Distance, median", "time (s)", "mm")
     two, within = _panel("Within both tolerances", "time (s)", "% of trials")
     three, tolerance = _panel("Success over the tolerance", "distance tolerated (mm)", "% of trials")

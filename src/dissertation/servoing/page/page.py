@@ -1,7 +1,6 @@
 """The page of the servoing testbed: its tables, and names for its template."""
 
-from collections.abc import Mapping
-from itertools import product
+from collections.abc import Callable, Mapping
 from pathlib import Path
 
 import numpy as np
@@ -9,44 +8,31 @@ import pandas as pd
 
 from dissertation.evidence.claims import judge, read_claims
 from dissertation.evidence.judged_page import JudgedDocument
-from dissertation.evidence.studies import rests_on
+from dissertation.evidence.studies import Study, rests_on
 from dissertation.servoing import names
 from dissertation.servoing.files import MADE_BY
-from dissertation.servoing.names import (
-    COMPARISON_NAMES,
-    DYNAMICS,
-    LATENT_NAMES,
-    PART_NAMES,
-    SKIN_NAMES,
-    STILL,
-    STRUCTURE_NAMES,
-    dynamics_name,
-)
-from dissertation.servoing.page.findings import (
-    PEOPLE_STUDY,
-    PUBLISHED,
-    SQUARE_MM,
-    TEST_CHAIN,
-    ModelScores,
-    ServoingResults,
-    contact_bias,
-    rate,
-)
-from dissertation.servoing.protocol.servo_scores import KEYS, ControllerScores, success_rates
-from dissertation.servoing.protocol.servo_variants import ServoVariant
-from structlearn.core.metrics import mean_interval
+from dissertation.servoing.names import LATENT_NAMES, SKIN_NAMES, TARGET_NAMES
+from dissertation.servoing.page.findings import PEOPLE_STUDY, TEST_CHAIN
+from dissertation.servoing.page.shown import SQUARE_MM, Shown
+from dissertation.servoing.protocol.results import OWN, controller_keys, keyed, prediction_errors
+from dissertation.servoing.protocol.servo_scores import success_rates
+from structlearn.core.params import read_values
 from structlearn.reporting.document import Source, Table
+from structlearn.reporting.evidence import Evidence, clustered_share, geometric_mean, mean
 from structlearn.reporting.findings import Findings
-from structlearn.tactile.latent_parameters import FORWARD_OF, STRUCTURES
 from structlearn.tactile.touch_dataset import OTHER, ROTATION, SPLITS, TRANSLATION
 
-MOTIONS = {"rotation": ROTATION, "translation": TRANSLATION, "any motion": OTHER}
+HERE = Path(__file__).parent
+PUBLISHED = read_values(HERE / "published.yaml")  # numbers as the dissertation prints them
+SEEN = (
+    "The rule was stated after the study's result had been seen. People 25 to 36, whom no study has run, "
+    "would judge it afresh"
+)
 
-PARTS = ["plane", "third", "electrodes", "pressure"]
-"""Prediction errors by part of the latent state, and after decoding."""
+MOTIONS = {"rotation": ROTATION, "translation": TRANSLATION, "any motion": OTHER}
+CONTROLLER = list(controller_keys(names.OURS))
 
 LOOP_COLUMNS = {
-    "with_loss": ("its loss", ""),
     "rate": ("reached", ".3f"),
     "low": ("from", ".3f"),
     "high": ("to", ".3f"),
@@ -54,139 +40,125 @@ LOOP_COLUMNS = {
     "path_ratio": ("path", ".2f"),
     "lifted": ("in air", ""),
     "off_skin": ("off skin", ""),
-    "rate_rotation": ("rotation", ".2f"),
-    "rate_translation": ("translation", ".2f"),
-    "rate_mixed": ("mixed", ".2f"),
+    "rotation": ("rotation", ".2f"),
+    "translation": ("translation", ".2f"),
+    "mixed": ("mixed", ".2f"),
     "position_error_mm": ("off (mm)", ".2f"),
     "pressure_error": ("pressure", ".3f"),
 }
 """Heading and number format of each closed-loop column."""
 
 
-def document(results: ServoingResults, find: Findings) -> JudgedDocument:
+def document(shown: Shown, find: Findings, study: Study | None) -> JudgedDocument:
     """Page with its tables and verdicts; figures come from `figures.drawings`."""
-    errors, shown = results.contact_errors, tables(results)
-    squares = np.square(errors[["along_mm", "across_mm"]]).to_numpy().sum()
     facts = {
         "published": PUBLISHED,
-        "results": results,
-        "models": results.models,
-        "trials": results.trials,
-        "chosen": results.chosen,
+        "shown": shown,
+        "chosen": shown.chosen,
         "names": names,
         "found": find,
-        "tested": _test_chains(results),
+        "seen": SEEN,
+        "untested": read_values(HERE / "untested.yaml"),
+        "tested": _test_chains(shown),
         "test_chain": TEST_CHAIN,
         "square_mm": SQUARE_MM,
-        "fixed_share": contact_bias(errors)["squared_mm2"].sum() / squares,
     }
-    claims = read_claims(Path(__file__).with_name("claims.yaml"))
     return JudgedDocument(
         template="servoing.html.jinja",
         package=__package__,
         stage="servoing_report",
         facts=facts,
-        tables=shown,
-        judged=judge(claims, find, facts),
+        tables=tables(shown),
+        judged=judge(read_claims(HERE / "claims.yaml"), find, facts),
         sources={name: Source(*made) for name, made in MADE_BY.items()},
-        parameters=results.chosen,
+        parameters=shown.chosen,
         recordings="../rerun/servoing",
         simulated=True,
-        basis=rests_on(PEOPLE_STUDY, results.people.study),
+        basis=rests_on(PEOPLE_STUDY, study),
     )
 
 
-def tables(results: ServoingResults) -> dict[str, Table]:
+def tables(shown: Shown) -> dict[str, Table]:
     """All tables, keyed by name."""
-    models = results.models
-    loops = {SKIN_NAMES[name]: loop_table(one) for name, one in results.skins.items()}
+    loops = loop_table(shown.trials).replace({"skin": SKIN_NAMES})
+    own = loops["skin"] == OWN
     return {
-        "data": Table(_data(results)),
-        "latent": _rounded(latent_table(models), ".4f", LATENT_NAMES),
-        "forward": _rounded(forward_table(models), ".3f"),
-        "directions": _rounded(direction_table(models), ".3f", {"loss": "its loss"} | COMPARISON_NAMES),
-        "other_skins": _rounded(skin_table(results), ".4f", LATENT_NAMES),
-        "other_skin_loops": _loops(pd.concat(loops, names=["skin", None]).reset_index("skin")),
-        "loops": _loops(loop_table(results.trials)),
+        "data": Table(_data(shown)),
+        "latent": _rounded(latent_table(shown.models["latent"]), ".4f", LATENT_NAMES),
+        "forward": _rounded(forward_table(shown), ".3f"),
+        "directions": _rounded(direction_table(shown), ".3f", TARGET_NAMES),
+        "other_skins": _rounded(skin_table(shown), ".4f", LATENT_NAMES),
+        "other_skin_loops": _loops(loops[~own]),
+        "loops": _loops(loops[own].drop(columns="skin")),
     }
 
 
-def latent_table(models: ModelScores) -> pd.DataFrame:
-    """Latent-space errors by `space` and `split`: mean, interval half-width and worst seed of each column."""
-    rows = []
-    for structure, split in product(STRUCTURES, SPLITS):
-        row: dict[str, object] = {"space": STRUCTURE_NAMES[structure], "split": split}
-        for column in LATENT_NAMES:
-            values = models.latents(column, structure, split)
-            mean, half = mean_interval(values)
-            row |= {column: mean, f"{column}_half": half, f"{column}_worst": values.max()}
-        rows.append(row)
-    return pd.DataFrame(rows)
+def latent_table(latent: pd.DataFrame) -> pd.DataFrame:
+    """NMSE by `space` and `split`: geometric mean over seeds of each column, and its worst seed."""
+    groups = keyed(latent).groupby(["space", "split"], sort=False)[list(LATENT_NAMES)]
+    averages = groups.agg(lambda seeds: geometric_mean(seeds).value)
+    return averages.join(groups.max().add_suffix("_worst")).reset_index()
 
 
-def forward_table(models: ModelScores) -> pd.DataFrame:
-    """Forward NMSE by model, space and steps (figure II.4): mean and 95 % half-width over seeds.
+def forward_table(shown: Shown) -> pd.DataFrame:
+    """NMSE by model, space and steps (figure II.4): geometric mean over seeds with its 95 % interval.
 
-    `relative` is divided by the error of "nothing moves"; columns named in `PARTS` are means.
+    `relative` is divided by the error of "nothing moves"; its parts and decoded errors are averaged alike.
     """
-    rows = []
-    for kind, structure, steps in product((STILL, *DYNAMICS), STRUCTURES, models.steps):
-        case = (*kind, structure, steps)
-        nmse, relative = models.forwards(*case), models.relative_forwards(*case)
-        parts = [models.forwards(*case, part).mean() for part in PARTS]
-        keys = (dynamics_name(*kind), STRUCTURE_NAMES[structure], steps)
-        rows.append((*keys, *mean_interval(nmse), *mean_interval(relative), *parts))
-    columns = ["model", "space", "steps", "nmse", "half", "relative", "relative_half", *PARTS]
-    return pd.DataFrame(rows, columns=columns)
+    keys = shown.predictions.index.names
+    parts = prediction_errors(shown.models).groupby(keys)[["plane", "third", "electrodes", "pressure"]]
+    table = _over_seeds(shown.predictions, geometric_mean, "nmse")
+    table["relative"] = np.exp(np.log(shown.relative).mean(axis=1))
+    return table.join(parts.agg(lambda seeds: geometric_mean(seeds).value)).reset_index()
 
 
-def direction_table(models: ModelScores) -> pd.DataFrame:
-    """Cosine distances by `inverse` model, training `loss` and `space` (figure II.5).
+def direction_table(shown: Shown) -> pd.DataFrame:
+    """Cosine distance by inverse model, loss and space (figure II.5): mean over seeds for each target.
 
-    For each comparison, mean and half-width over seeds for the whole action, and the mean of each part.
+    Also the 95 % interval for the state that followed, and its parts, linear and angular velocity.
     """
-    rows = []
-    for name, loss, structure in product(FORWARD_OF, (True, False), STRUCTURES):
-        row: dict[str, object] = {"inverse": name, "loss": loss, "space": STRUCTURE_NAMES[structure]}
-        for comparison in COMPARISON_NAMES:
-            case = (name, loss, structure, comparison)
-            mean, half = mean_interval(models.cosines(*case))
-            row |= {comparison: mean, f"{comparison}_half": half}
-            for part, word in PART_NAMES.items():
-                row[f"{comparison}_{word}"] = models.cosines(*case, part).mean()
-        rows.append(row)
-    return pd.DataFrame(rows)
+    keys = ["space", "model", "loss"]
+    directions = keyed(shown.models["directions"])
+    averages = directions.pivot_table("distance", keys, "target")[list(TARGET_NAMES)]
+    ends = _over_seeds(shown.directions.xs("followed", level="target"), mean, "").drop(columns="")
+    followed = directions.query("target == 'followed'")
+    parts = followed.pivot_table("distance", keys, "part").rename(columns=names.PART_NAMES)
+    return averages.join(ends).join(parts).reset_index()
 
 
-def skin_table(results: ServoingResults) -> pd.DataFrame:
-    """Mean test errors over seeds of models of other skins, with structure.
+def skin_table(shown: Shown) -> pd.DataFrame:
+    """Errors of models of other skins on test contacts, with structure: means over seeds.
 
-    Columns: `skin`; those of `LATENT_NAMES`; `<inverse>_linear` and `<inverse>_angular`, cosine distances of
-    actions for the latent state that followed, for inverse models trained with their loss.
+    Columns: `skin`; those of `LATENT_NAMES`; cosine distance of each inverse model, trained with its loss,
+    for the latent state that followed, linear and angular.
     """
-    latent, directions = results.skin_tables["latent"], results.skin_tables["directions"]
+    latent, directions = shown.other_skins["latent"], keyed(shown.other_skins["directions"])
     spaces = latent[latent["structure"] & (latent["split"] == "test")]
-    own = directions["structure"] & (directions["inverse"] == directions["trained_with"])
-    by_encoder = directions[own & (directions["comparison"] == "encoder")]
-    by_encoder = by_encoder.assign(key=by_encoder["inverse"] + "_" + by_encoder["part"].map(PART_NAMES))
-    distances = by_encoder.pivot_table("distance", "skin", "key")
-    columns = [f"{inverse}_{part}" for inverse in FORWARD_OF for part in PART_NAMES.values()]
+    own = directions.query("space == 'structure' and model == loss and target == 'followed'")
+    column = own["model"] + "_" + own["part"].map(names.PART_NAMES)
+    distances = own.assign(column=column).pivot_table("distance", "skin", "column")
     errors = spaces.groupby("skin", sort=False)[list(LATENT_NAMES)].mean()
-    return errors.join(distances[columns]).rename(index=SKIN_NAMES).reset_index()
+    return errors.join(distances).rename(index=SKIN_NAMES).reset_index()
 
 
-def loop_table(scores: ControllerScores) -> pd.DataFrame:
-    """One row per controller: `success_rates`, interval of the rate, rates by motion, median errors."""
-    trials = scores.trials
-    motions = success_rates(trials, [*KEYS, "motion"]).pivot_table("rate", KEYS, "motion")
-    motions = motions[trials["motion"].unique()].add_prefix("rate_")
-    errors = trials.groupby(KEYS)[["position_error_mm", "pressure_error"]].median()
-    table = scores.rates.join(motions).join(errors).reset_index()
-    found = [rate(scores, ServoVariant(**keys)) for keys in table[KEYS].to_dict("records")]
-    place = table.columns.get_loc("rate") + 1
-    table.insert(place, "low", [one.low for one in found])
-    table.insert(place + 1, "high", [one.high for one in found])
-    return table
+def loop_table(trials: pd.DataFrame) -> pd.DataFrame:
+    """One row per controller and skin: `success_rates` with interval, rates by motion, median errors."""
+    keys = ["skin", *CONTROLLER]
+    groups = trials.groupby(keys, sort=False)
+    table = success_rates(trials, keys).set_index(keys)
+    seeds = trials.groupby([*keys, "seed"], sort=False)["success"].agg(["sum", "size"])
+    found = [clustered_share(*one.to_numpy().T) for _, one in seeds.groupby(keys, sort=False)]
+    table = table.assign(low=[one.low for one in found], high=[one.high for one in found])
+    motions = trials.pivot_table("success", keys, "target")
+    errors = groups[["position_error_mm", "pressure_error"]].median()
+    return table.join(motions).join(errors).reset_index()
+
+
+def _over_seeds(values: pd.DataFrame, average: Callable[[np.ndarray], Evidence], name: str) -> pd.DataFrame:
+    """Average of each row over seeds (columns) as a column `name`, with `low` and `high`."""
+    found = [average(seeds) for seeds in values.to_numpy()]
+    columns = {name: [one.value for one in found], "low": [one.low for one in found]}
+    return pd.DataFrame(columns | {"high": [one.high for one in found]}, values.index)
 
 
 def _rounded(frame: pd.DataFrame, number_format: str, headings: Mapping[str, str] | None = None) -> Table:
@@ -195,16 +167,17 @@ def _rounded(frame: pd.DataFrame, number_format: str, headings: Mapping[str, str
 
 def _loops(frame: pd.DataFrame) -> Table:
     """Table of closed-loop scores, with the dissertation's controller and ours in bold."""
-    keys, bold = frame[KEYS].to_dict("records"), (vars(names.AS_PUBLISHED), vars(names.OURS))
-    strong = frozenset(row for row, its in enumerate(keys) if its in bold)
-    frame = frame.assign(form=frame["form"].map(names.FORM_NAMES))
+    bold = [controller_keys(one) for one in (names.AS_PUBLISHED, names.OURS)]
+    strong = frozenset(row for row, its in enumerate(frame[CONTROLLER].to_dict("records")) if its in bold)
+    frame = frame.reset_index(drop=True).replace({"controller": names.FORM_NAMES})
+    frame = frame[[*frame.columns[: frame.columns.get_loc("trials")], "trials", "successes", *LOOP_COLUMNS]]
     headings, formats = ({name: both[place] for name, both in LOOP_COLUMNS.items()} for place in (0, 1))
     return Table(frame, formats, headings, strong)
 
 
-def _data(results: ServoingResults) -> pd.DataFrame:
+def _data(shown: Shown) -> pd.DataFrame:
     """Sizes of the data set: columns `quantity`, `dissertation`, `here`."""
-    dataset, person, geodesics = results.dataset, results.chosen["toucher"], results.chosen["geodesics"]
+    dataset, person, geodesics = shown.dataset, shown.chosen["toucher"], shown.chosen["geodesics"]
     by_motion = [dataset.motion == motion for motion in (ROTATION, TRANSLATION)]
     by_split = [dataset.split == split for split in SPLITS.values()]
     contacts, contacts_by_split = (
@@ -223,7 +196,7 @@ def _data(results: ServoingResults) -> pd.DataFrame:
         ("contacts, rotation | translation", PUBLISHED["contacts"], contacts),
         ("samples, rotation | translation", "half and half", samples),
         ("samples of touch", str(PUBLISHED["samples"]), str(len(dataset))),
-        ("pairs of successive actions, at five rates", str(PUBLISHED["pairs"]), str(results.pairs)),
+        ("pairs of successive actions, at five rates", str(PUBLISHED["pairs"]), str(shown.pairs)),
         ("bins of samples for geodesics", printed, f"{bins} of {bin_size}"),
         ("training | validation | test, % of the samples", PUBLISHED["splits"], shares),
         ("… contacts", "not said", contacts_by_split),
@@ -231,9 +204,9 @@ def _data(results: ServoingResults) -> pd.DataFrame:
     return pd.DataFrame(rows, columns=["quantity", "dissertation", "here"])
 
 
-def _test_chains(results: ServoingResults) -> list[tuple[str, int, int]]:
+def _test_chains(shown: Shown) -> list[tuple[str, int, int]]:
     """Number of test chains and contacts of the forward and inverse models, by motion."""
-    first, dataset = results.tested.rows[:, 0], results.dataset
+    first, dataset = shown.tested.rows[:, 0], shown.dataset
     rows = []
     for name, number in MOTIONS.items():
         if number in dataset.motion:

@@ -1,8 +1,7 @@
 """Servoing scores: success, time, path length, contact on the skin (II.4.6, figure II.6)."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass, fields
-from functools import cached_property
+from dataclasses import fields
 
 import numpy as np
 import pandas as pd
@@ -95,39 +94,6 @@ def success_by_tolerance(
         for bound in positions_mm
     }
     return pd.concat(rates, names=["tolerance_mm"]).rename("rate").reset_index()
-
-
-@dataclass(frozen=True)
-class ControllerScores:
-    """Closed-loop trials of several controllers, with their scores."""
-
-    # see `protocol.servo_trials.compare_controllers`; the same contacts for all controllers
-    trials: pd.DataFrame
-
-    @cached_property
-    def rates(self) -> pd.DataFrame:
-        """Success rates per controller, see `success_rates`; indexed by `KEYS`."""
-        return success_rates(self.trials, KEYS).set_index(KEYS)
-
-    def rate(self, variant: ServoVariant) -> pd.Series:
-        """Row of `rates`."""
-        return self.rates.loc[tuple(vars(variant).values())]
-
-    def successes(self, variant: ServoVariant) -> np.ndarray:
-        """Success rate per seed (S,), in %."""
-        return 100 * rows_of(self.trials, variant).groupby("seed")["success"].mean().to_numpy()
-
-    def counts(self, variant: ServoVariant) -> pd.DataFrame:
-        """Counts by seed: `trials`, `success`, and `lost` (contact lifted or beyond the skin's edge)."""
-        rows = rows_of(self.trials, variant)
-        lost = rows["lifted"] | rows["off_skin"]
-        groups = rows.assign(lost=lost, trials=1).groupby("seed")
-        return groups[["trials", "success", "lost"]].sum()
-
-    def only_pressed_wrong(self, variant: ServoVariant, position_mm: float) -> int:
-        """Number of missed targets whose contact is within `position_mm`, so that only pressure is off."""
-        rows = rows_of(self.trials, variant)
-        return int((~rows["success"] & (rows["position_error_mm"] <= position_mm)).sum())
 
 
 def rows_of(table: pd.DataFrame, variant: ServoVariant) -> pd.DataFrame:

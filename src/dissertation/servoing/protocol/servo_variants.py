@@ -18,7 +18,9 @@ from structlearn.tactile.latent_parameters import (
 )
 
 PUBLISHED = "published"  # forms of the controllers
-ADAPTIVE = "resting"  # as in the tables of stored studies
+ADAPTIVE = "adaptive"
+
+SPACES = {True: "structure", False: "no structure"}  # latent spaces
 
 AS_DATA = "filter and rate of the data"
 ALL_ALIKE, DERIVATIVE, UNCORRECTED = "all actions alike", "derivative at rest", "model never corrected"

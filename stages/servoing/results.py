@@ -1,0 +1,19 @@
+"""Results of the servoing testbed as one table."""
+
+from dissertation.servoing import files
+from dissertation.servoing.protocol.results import servoing_results
+from dissertation.servoing.protocol.servo_variants import ServoTrialParameters
+from dissertation.simulation.touch_demonstrator import ToucherParameters
+from structlearn.core.artefacts import write_table
+from structlearn.core.stage import run, stage_parameters
+
+
+def main() -> None:
+    person = stage_parameters("toucher", ToucherParameters).seed
+    tolerated_mm = stage_parameters("servo", ServoTrialParameters).tolerance.position_mm
+    results = servoing_results(person, tolerated_mm, files.tables("models"), files.tables("loops"))
+    write_table(results, "data/results/servoing.parquet")
+
+
+if __name__ == "__main__":
+    run(main)
