@@ -46,14 +46,13 @@ lint: $(INSTALLED)  ## check style and types
 RECORDED := data/recorded
 QUOTED := reports/quoted/recorded
 recorded: $(INSTALLED)  ## run the pipeline on recorded data: make recorded DATA=FOLDER
+	$(IN_ENVIRONMENT) dvc repro --quiet scraping_expected_traces
 	export RECORDED_DATA="$(abspath $(DATA))" $(IN_ENVIRONMENT) && python -m dissertation.recorded.sets_project && cd $(RECORDED) && \
 	  targets=$$(python -c "from structlearn.tasks.task_entry import targets; print(*targets())") && \
 	  xargs --max-procs=2 --max-args=32 dvc --wait-for-lock repro --keep-going --single-item <<< "$$targets"
-	$(IN_ENVIRONMENT) dvc repro --quiet scraping_expected_traces
-	export RECORDED_DATA="$(abspath $(DATA))" $(IN_ENVIRONMENT) && cd $(RECORDED) && dvc repro --keep-going calibration_report
 	cd $(RECORDED) && $(IN_ENVIRONMENT) dvc repro --single-item recorded_report
 	mkdir -p $(QUOTED) reports/tasks
-	cp -r $(RECORDED)/reports/recorded $(RECORDED)/reports/calibration reports
+	cp -r $(RECORDED)/reports/recorded reports
 	cd $(RECORDED)/reports/tasks && tar -c --exclude=rerun . | tar -x -C $(CURDIR)/reports/tasks
 	cd reports/recorded && cp tables/claims.csv metrics.json findings.csv $(CURDIR)/$(QUOTED)
 	$(IN_ENVIRONMENT) dvc repro --single-item report

@@ -38,8 +38,7 @@ ParametersType = TypeVar("ParametersType", bound=Parameters)
 
 @cache
 def _tree() -> dict[str, Any]:
-    calibration = read_yaml(SETS / "calibration/params.yaml")
-    return read_yaml(PARAMETER_FILE) | read_yaml(TASK_FILE) | calibration
+    return read_yaml(PARAMETER_FILE) | read_yaml(TASK_FILE)
 
 
 def read_yaml(path: Path) -> Any:

@@ -22,7 +22,7 @@ MODELS = {
 }
 """NMSE of every joint."""
 
-JOINTS = {"panda": 7, "ur10e": 6, "kuka_lwr4": 7}
+JOINTS = {"panda": 7, "ur10e": 6, "kuka_lwr4": 7, "kuka_lwr4_differing": 7}
 
 
 def rows(keys: Mapping[str, object], **columns) -> pd.DataFrame:
@@ -58,6 +58,9 @@ def made_up(name: str) -> MotionResults:
             {"gravity_n_m": 5.0, "torque_n_m": 6.0, "share": 1.0, "holds": "yes", "limit_n_m": 100.0},
             joint=joints,
             name=[f"joint_{joint}" for joint in joints],
+        ),
+        "repeats": pd.DataFrame({"part": parts[1:], "log": parts[1:]}).assign(
+            trained_on=logs[0], lag_s=0.0, difference=1.4, repeated=False
         ),
         "base": rows({"parameter": "m[a]", "low": 0.5, "high": 1.5, "urdf": 1.0}, value=[1.0]),
         "fitness": rows({"question": "condition number", "joint": 0, "verdict": "yes"}, value=[50.0]),

@@ -40,7 +40,7 @@ KIND = ("parameters", "recordings", "learning", "page", "view")
 
 ROOMS = {
     "rerun": ("viewer", "recordings", "view"),
-    "matplotlib": ("reporting", "page", "section", "figures"),
+    "matplotlib": ("reporting", "page", "section", "figures", "forest"),
     "pybullet": ("simulation", "world"),
     "pinocchio": ("simulation", "world", "rigid_body", "readers"),
     "torch": ("networks", "feedback", "rigid_body", "tactile"),
@@ -62,7 +62,7 @@ STARTS = {
     "servoing/servo servoing/other_skins dynamics/train dynamics/online dynamics/track dynamics/view "
     "dynamics/report",
     "rerun": "scraping/view obstacles/view servoing/view tasks/view dynamics/view",
-    "matplotlib": "tasks/report tasks/recorded_report tasks/calibration_report obstacles/report "
+    "matplotlib": "tasks/report tasks/recorded_report obstacles/report "
     "servoing/report scraping/loop scraping/report dynamics/report",
 }  # fmt: skip
 """By slow library: the scripts that may load it when they start."""

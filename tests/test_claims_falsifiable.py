@@ -33,7 +33,6 @@ from test_obstacles_page import results as obstacles_results  # noqa: F401 a fix
 
 from dissertation.dynamics.protocol.trainings import PLAIN
 from dissertation.evidence.claims import NO, Claim, read_claims
-from dissertation.recorded.calibration.calibration_section import find_calibration
 from dissertation.recorded.coupling.page import representation_findings
 from dissertation.scraping.protocol.cut_sweep import downsampling_effect
 from structlearn.reporting.evidence import Evidence, Found
@@ -169,12 +168,6 @@ PAGES = {
         lambda get: [stored()],
         partial(test_scraping_page.evidence, "refinement"),
         chosen=lambda place: place.removeprefix("tables.") in REFINEMENT_TABLES,
-    ),
-    "calibration": Page(
-        of_package("recorded.calibration", "calibration_claims.yaml"),
-        lambda get: [test_touch_page.calibrated(1.0)],
-        find_calibration,
-        chosen=lambda place: place == "comparison",
     ),
     **{
         name: Page(of_task(name), lambda get, made=made: [made()], find)

@@ -111,8 +111,6 @@ from structlearn.tasks.touch import learning as touch_learning
 from structlearn.tasks.touch import skin_force, skin_readings, surface_traces
 from structlearn.tasks.touch.skin_touches import learn_skin
 from structlearn.tasks.touch.surface_traces import deviations_from_expected
-from structlearn.tasks.touch.touch_names import MAGNITUDES, NEW_TRIALS
-from structlearn.tasks.touch.touch_names import SLIDES as SLIDE_SET
 
 HOLDS_NOTHING_OUT = {
     "simulates": "engines studies/cell scraping/record_nominal scraping/record_corrections "
@@ -123,8 +121,7 @@ HOLDS_NOTHING_OUT = {
     "puts into one file what was learned": "tasks/skill scraping/write_skill",
     "executes or unrolls": "tasks/check scraping/evaluate_feedback scraping/evaluate_refinement "
     "obstacles/evaluate",
-    "measures statistics or times": "recorded/calibrate scraping/time_controller dynamics/results "
-    "scraping/results",
+    "measures times or states results": "scraping/time_controller dynamics/results scraping/results",
     "traces of all runs that it is given; the further ones go to other files": "scraping/expected_traces",
     "makes samples, each of one demonstration": "scraping/coupling_dataset servoing/touch_dataset",
     "searches by trial, on rollouts of its own": "scraping/compare_search",
@@ -137,7 +134,7 @@ FITS_ALL = {
     "parts.learn avoidance_fits._errors fitting.learn_sequence fitting.cross_validation "
     "autoencoded.train pca.train pca.train_on_codes",
     "what is compared with itself": "movement_learning.reproduction movement_learning.turn_errors "
-    "drives_and_load.payload_check touch_calibration.variance_shares trainings._once_through "
+    "drives_and_load.payload_check finger_statistics.pca_dimensions trainings._once_through "
     "training_choice.try_trainings",
     "traces of all runs that are given": "feedback_learning.learn_feedback movement_learning.learn_traces",
     "searches by rollouts": "sample_efficiency._advance",
@@ -316,7 +313,7 @@ def expected_of_slides(monkeypatch, tmp_path):
     return [Case(learn, data, slid(held_out), trained_on) for held_out in ("mat_3", "cork_1")]
 
 
-@of_stage("tasks/touch", fits="surface_traces.left_out_deviations")
+@of_stage("tasks/touch", fits="surface_traces._held_out")
 def slides_left_out(monkeypatch, tmp_path):
     learn = each(
         monkeypatch,
@@ -335,7 +332,7 @@ def other_materials(monkeypatch, tmp_path):
         "fit_expected_traces",
         lambda its: surface_traces.across_materials(its, SLIDES),
     )
-    return Case(lambda its: learn(its)[0], slid(), slid("cork_1"), slid("mat_2"))
+    return Case(lambda its: learn(its)[4], slid(), slid("cork_1"), slid("mat_2"))
 
 
 # --- feedback ----------------------------------------------------------------------------------------------
@@ -808,13 +805,12 @@ def latent_spaces(monkeypatch, tmp_path):
 
 @of_stage(
     "recorded/transfer",
-    fits="transfer._errors latent_training.learn_spaces latent_training.learn_from",
+    fits="transfer._errors transfer._components latent_training.learn_spaces latent_training.learn_from",
 )
 def recorded_touch(monkeypatch, tmp_path):
-    """What was learned of two slides while the two others were left out, and its units."""
+    """What was learned of three slides while the first was held out, and its units."""
     toy = test_touch_transfer
-    names = (SLIDE_SET, MAGNITUDES)
-    data = [toy.touch_set(name, ("a", "a", "b", "b"), seed) for seed, name in enumerate(names)]
+    data = [toy.touch_set(name, 4, seed) for seed, name in enumerate((toy.SLIDES, toy.MAGNITUDES))]
 
     def changed(trial):
         slides = data[0]
@@ -822,21 +818,12 @@ def recorded_touch(monkeypatch, tmp_path):
         return [replace(slides, samples=samples), data[1]]
 
     def learn(sets):
-        return touch_transfer.learn_transfer(sets, toy.SKIN, toy.FEW)
+        return touch_transfer.learn_transfer(sets, toy.FEW)
 
-    (first, *_), *_ = touch_transfer.parts_left_out(data[0], toy.FEW.folds)[NEW_TRIALS]
-    spaces = each(monkeypatch, touch_transfer, "learn_spaces", learn)
-    units = each(monkeypatch, touch_transfer, "own_units", spaces)
-    errors = each(monkeypatch, touch_transfer, "_errors", units)
-
-    def on_known(its):
-        """Errors on what all models, components among them, were learned from."""
-        return [table[table["new"] == touch_transfer.LEARNED] for table in errors(its)]
-
-    sets = data, changed(first), changed(first + 1)
-    return [
-        Case(lambda its, learned=learned: learned(its)[0], *sets) for learned in (on_known, units, spaces)
-    ]
+    names = ("learn_spaces", "own_units", "_components")
+    fitted = [each(monkeypatch, touch_transfer, name, learn) for name in names]
+    sets = data, changed(0), changed(1)
+    return [Case(lambda its, learned=learned: learned(its)[0], *sets) for learned in fitted]
 
 
 SKIN = committed_entry(

@@ -96,7 +96,6 @@ def test_a_fault_is_named_with_its_file_and_dotted_key(tmp_path, text, expected)
 FILES = (
     "params.yaml",
     "src/structlearn/tasks/stages/params.yaml",
-    "src/dissertation/recorded/calibration/params.yaml",
 )
 
 

@@ -1,6 +1,5 @@
 """The pipeline of tasks on public sets, end to end, on reduced parameters: on all, and on very few."""
 
-import json
 import re
 import shutil
 from pathlib import Path
@@ -61,7 +60,6 @@ def test_everything_that_is_here_is_shown(root, recorded_data, reduced_project, 
     claims = pd.read_csv(project / "reports/recorded/tables/claims.csv", keep_default_na=False)
     untested = claims.loc[claims["verdict_of_all"] == "not tested", "evidence"]
     assert set(untested) <= {ARRIVED}
-    assert json.loads((project / "reports/calibration/metrics.json").read_text())["compared"]
     assert "There is no skill file" in (project / "reports/tasks/unscrewing/index.html").read_text()
     found = values_by_key(read_findings(project / "reports/tasks/reaches/findings.csv"))
     assert found["coupling_path_mean_mm"] < 0.5 * found["nominal_path_mean_mm"]
@@ -79,7 +77,6 @@ def test_the_pipeline_goes_on_with_what_there_is(few, sets):
     assert "line 1 has 3 columns" in page
     assert words_in_view(page) <= 1100
     assert len(list((few / "reports/tasks").glob("*/rerun/*.rrd"))) >= 1
-    assert "No scraping execution" in (few / "reports/calibration/index.html").read_text()
 
 
 def test_the_import_runs_whenever_dvc_is_asked_for_anything(few, source):

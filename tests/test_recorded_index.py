@@ -18,7 +18,7 @@ from structlearn.core.errors import InputError
 from structlearn.reporting.document import words_in_view
 from structlearn.tasks.project import ENTRIES
 
-LIKE = {"testbed": "scraping", "statement": "Cuts are found", "page": "index"}
+LIKE = {"testbed": "scraping", "evidence": "cuts_found", "page": "index"}
 CLAIM = {"statement": "Nearly all are cut", "source": "aim", "by": "ours", "evidence": "cuts_demonstrations"}
 CLAIM |= {"test": "at least", "bound": 2, "format": ".0f", "note": "of {{ 3 if cuts is defined else 'all' }}"}
 SETS = {
@@ -57,7 +57,7 @@ def project(tmp_path_factory) -> Iterator[Path]:
         for number, (duration, rest) in enumerate([(1.0, 0.5), (1.3, 0.7), (0.8, 0.4)], start=1):
             write_reach(Path(f"sets/moves/{number}.mcap"), duration, rest)
         (clone / "reports/scraping/tables").mkdir(parents=True)
-        row = {"by": "published", "statement": LIKE["statement"], "case": "", "verdict": "yes"}
+        row = {"statement": "Cuts are found", "evidence": LIKE["evidence"], "case": "", "verdict": "yes"}
         pd.DataFrame([row]).to_csv(clone / "reports/scraping/tables/claims.csv", index=False)
         learning = ("segment", "primitives", "feedback", "skill", "check")
         page = ROOT / "stages/recorded/report.py"
@@ -92,7 +92,8 @@ def test_verdicts_are_those_of_the_sets_beside_those_of_simulation(inside):
     assert table["set"].tolist() == ["Moves of a hand", "Moves of a hand", "arm"]
     assert table["verdict_of_all"].tolist() == ["yes", "no", "not tested"]
     assert table["simulated"].tolist() == ["yes", "", ""]
-    own = pd.read_csv("reports/tasks/moves/tables/claims.csv", keep_default_na=False)
+    texts = dict.fromkeys(("number", "bound"), str)
+    own = pd.read_csv("reports/tasks/moves/tables/claims.csv", keep_default_na=False, dtype=texts)
     again = claims_table(reload_verdicts("moves", ""))
     pd.testing.assert_frame_equal(again[own.columns], own)
     assert reload_verdicts("moves", "")[0].claim.note == "of all"

@@ -47,8 +47,8 @@ from structlearn.reporting.findings import Findings
 from structlearn.reporting.prose import percent
 
 
-def claim(test="above", bound=0.0, **entries):
-    return Claim(statement="s", source="IV", evidence="e", test=test, bound=bound, **entries)
+def claim(test="above", bound=0.0, evidence="e", **entries):
+    return Claim(statement="s", source="IV", evidence=evidence, test=test, bound=bound, **entries)
 
 
 def judged(claims, found):
@@ -279,22 +279,23 @@ def test_a_skewed_quantity_has_an_interval_that_stays_positive():
 
 
 def test_what_recordings_say_of_a_simulated_statement_stands_beside_it():
-    own = judged([claim(), claim("below", by="ours")], {"e": exact(1.0, 3)})
-    like = {"testbed": "reaching", "statement": "s"}
+    own = judged([claim(), claim("below", by="ours", evidence="f")], {"e": exact(1.0, 3), "f": exact(1.0, 3)})
+    like = {"testbed": "reaching", "evidence": "e"}
     told = [
-        claim(simulated=like | {"by": "published"}),
-        claim(simulated=like | {"by": "ours", "page": "feedback"}),
+        claim(simulated=like),
+        claim(simulated=like | {"evidence": "f", "page": "feedback"}),
         claim(simulated=like | {"testbed": "another"}),
-        claim(simulated=like | {"statement": "never made"}),
+        claim(simulated=like | {"evidence": "never found"}),
         claim(),
     ]
     told = [one.model_copy(update={"statement": name}) for one, name in zip(told, "abcde", strict=True)]
     recorded = [replace(one, heading="People") for one in judged(told, {"e": exact(2.0, 5)})]
     both = on_recordings(claims_table(recorded), "reaching", claims_table(own))
-    assert [(one.statement, one.simulated, one.recorded, one.found, one.heading) for one in both] == [
-        ("a", YES, YES, ("2.00",), "People"),
-        ("b", NO, YES, ("2.00",), "People"),
+    assert [(one.statement, one.there, one.simulated, one.recorded, one.found) for one in both] == [
+        ("a", "s", YES, YES, ("2.00",)),
+        ("b", "s", NO, YES, ("2.00",)),
     ]
+    assert {one.heading for one in both} == {"People"}
     assert [one.counterpart.page for one in both] == ["index", "feedback"]
     assert on_recordings(claims_table([]).assign(set="", counterpart=""), "reaching", claims_table(own)) == []
 

@@ -20,12 +20,14 @@ from structlearn.readers.joint_log import JointLog
 from structlearn.rigid_body.base_parameters import base_parameters
 from structlearn.rigid_body.dynamics_models import rigid_body_torques
 from structlearn.rigid_body.friction import friction_columns
+from structlearn.rigid_body.model_comparison import TRAIN
 from structlearn.rigid_body.motion import Motion
 from structlearn.rigid_body.regressor import link_parameters, torque_regressor
 from structlearn.rigid_body.robot import Robot, read_urdf
 from structlearn.rigid_body.tree import LinkInertias
 from structlearn.tasks.motion.learning import learn_motion
 from structlearn.tasks.motion.parameters import LARGEST_CONDITION, MotionParameters
+from structlearn.tasks.motion.repeated_motion import repeat_lines, repeats
 
 
 def parameters(**changes) -> MotionParameters:
@@ -165,6 +167,37 @@ def test_of_a_single_log_every_fourth_block_is_held_out_and_little_motion_is_tol
     less = np.array([0.01, 0.01, 1.0, 0.01])  # the gripper, then bend, lift and turn
     small = replace(log, positions=log.positions * less, velocities=log.velocities * less)
     assert identified(tmp_path, [small]).excitation["condition"][0] > LARGEST_CONDITION
+
+
+def test_a_test_motion_that_repeats_the_training_motion_is_found(several, tmp_path):
+    fresh = several[0].repeats
+    assert not fresh["repeated"].any()
+    assert fresh["difference"].min() > 1.0
+    assert repeat_lines(fresh) == []
+    log, late = made_up_log(arm()[0], "first", 5), made_up_log(arm()[0], "second", 5, seconds=20.0)
+    found = identified(tmp_path, [log, replace(late, positions=late.positions + 0.001)]).repeats
+    assert found[["log", "trained_on", "repeated"]].to_numpy().tolist() == [["second", "first", True]]
+    assert found["lag_s"].item() == pytest.approx(0.0, abs=0.1)
+    assert found["difference"].item() < 0.02
+    (line,) = repeat_lines(found)
+    assert line.startswith("Warning: the test motion of second repeats the training motion of first (")
+
+
+def test_a_repetition_is_found_at_its_lag_and_neighbours_are_none():
+    time = np.arange(0.0, 24.0, 0.02)[:, None]
+    phases, slow = np.array([0.0, 1.0, 2.0]), 2.0 * np.pi / 30.0
+    once = np.sin(2.0 * np.pi * time / 12.0 + phases) + np.sin(2.0 * np.pi * time / 4.0 - phases)
+    for q, expected in ((once, True), (np.sin(slow * time + phases), False)):
+        motion = Motion(q, q, q, q)
+        pieces = {
+            TRAIN: [("log", motion.part(slice(0, 900)))],
+            "test": [("log", motion.part(slice(900, None)))],
+        }
+        row = repeats(pieces, 50.0).iloc[0]
+        assert row["repeated"] == expected
+        if expected:
+            assert row["lag_s"] == pytest.approx(6.0)  # of 18 s after the start, 12 s before
+            assert row["difference"] == pytest.approx(0.0, abs=1e-6)
 
 
 def test_a_log_that_is_too_short_or_lacks_a_joint_is_refused(tmp_path):

@@ -259,7 +259,7 @@ def made_up_ways():
     Person 1 touches a box once and takes another gap: if nobody did, how people differ would be unknown.
     """
     touching = dict.fromkeys(ALL_MODELS, 10) | {"none": 11, "human_inspired": 11, "nearest": 8}
-    touching |= {scene_models.PUBLISHED: 0, scene_models.SCENE: 0, "planned": 0}
+    touching |= {scene_models.PUBLISHED: 5, scene_models.SCENE: 0, "planned": 0}
     keys = [
         (model, person, number)
         for model, person, number in product(ALL_MODELS, range(PEOPLE), range(REACHES))
@@ -314,14 +314,25 @@ def test_where_no_reach_touches_an_obstacle_people_are_few(root):
     found = SceneWays(made_up_ways() | {"reaches": few})
     assert scene_findings(found)["hits"].high == rate_interval(np.zeros(12), np.full(12, 20))[1] > 0.05
     words = verdicts(root, found)
-    rates = (
-        "published_hits",
-        "hits",
-        "published_hits_fewer",
-        "published_hits_fewer_than_rai",
-        "features_alone",
-    )
+    rates = ("published_hits", "hits", "published_hits_fewer_than_rai", "features_alone")
     assert {words[name] for name in rates} == {"undecided"}
+    assert words["published_hits_ratio"] == "not tested"
+
+
+def test_a_ratio_of_shares_is_that_of_the_sums_and_exact_if_people_agree():
+    reaches = made_up_ways()["reaches"]
+    both = reaches[reaches["model"].isin(["none", "planned"])]
+
+    def ratio(hit):
+        return SceneWays(made_up_ways() | {"reaches": both.assign(hit=hit)}).hits_ratio("planned", "none")
+
+    first = both.groupby(["model", "person"]).cumcount()
+    half = ratio(first < np.where(both["model"] == "none", 10, 5))
+    assert (half.value, half.low, half.high, half.n) == (0.5, 0.5, 0.5, PEOPLE)
+    lone = (both["person"] == "p1") & (both["model"] == "planned")  # of one person only, twice as many
+    spread = ratio(first < np.where(both["model"] == "none", 10, np.where(lone, 10, 5)))
+    assert spread.value == pytest.approx(0.5 + 0.5 / PEOPLE)
+    assert spread.low < 0.5 < spread.high
 
 
 def test_findings_pool_reaches_and_cluster_people(root):

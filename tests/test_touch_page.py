@@ -1,19 +1,18 @@
 """Pages of touch on made-up tables, in which every claim holds: what there is is shown."""
 
 from functools import lru_cache
-from pathlib import Path
 
 import numpy as np
 import pandas as pd
 import pytest
 import test_touch_skin
 from committed import ROOT, committed_entry
-from reporting_verdicts import AnyFigure, verdicts
-from test_touch_calibration import PARAMETERS, calibrated
+from reporting_verdicts import AnyFigure
+from test_finger_statistics import fingers
 
 from dissertation.evidence.claims import judge, read_claims
 from dissertation.recorded import set_page
-from dissertation.recorded.calibration import calibration_section
+from dissertation.recorded.transfer.learning import PARTNERS, SLIDES
 from dissertation.recorded.transfer.page import find_transfer
 from structlearn.core.artefacts import write_csv, write_table
 from structlearn.reporting.document import render, words_in_view
@@ -21,7 +20,7 @@ from structlearn.tasks.task_entry import source_digests, write_task
 from structlearn.tasks.task_files import LEFT_OUT, TaskFiles
 from structlearn.tasks.touch.page import find_surfaces
 from structlearn.tasks.touch.skin_section import SkinRuns, find_skin
-from structlearn.tasks.touch.touch_names import COMPONENTS, PARTNERS, PLAIN, SLIDES, STRUCTURED, TESTS
+from structlearn.tasks.touch.touch_names import COMPONENTS, PLAIN, STRUCTURED
 
 
 def rows(columns, values):
@@ -38,7 +37,7 @@ def surfaces():
     parts, trial = slides["demonstration"].str.split("_", expand=True), slides["group"].map(level)
     slides, extra = slides.assign(material=parts[0]), 0.01 * parts[1].astype(int)
     alone = slides[["demonstration", "material"]]
-    alone = alone.assign(rms=5.0 + 10 * extra, nmse=0.3 + extra)
+    alone = alone.assign(rms=5.0 + 10 * extra, standard=1.0 + extra, nmse=0.3 + extra)
     across = alone.assign(expected=parts[0].map({"m9": "m15", "m15": "m9"}), nmse=2.0)
     channels = [alone.assign(channels=kind, electrodes=8, rms=5.0) for kind in ("strong", "weak")]
     time = {"time_s": np.arange(40) / 100, "mean": 1.0}
@@ -53,37 +52,29 @@ def surfaces():
         "deviations": slides.drop(columns="material").assign(rms=trial + extra, largest=40.0),
         "left_one_out": alone,
         "channels": pd.concat(channels),
-        "across_materials": across.assign(rms=60.0 + extra),
+        "across_materials": across.assign(rms=60.0 + extra, standard=3.0 + extra),
         "statistics": pd.concat(statistics),
     }
 
 
 @lru_cache
 def transfer():
-    """Sets whose latent spaces are good and carry over."""
+    """Sets whose latent spaces are good and carry over, and fingers that are alike."""
     error = 0.01
     nmse = {STRUCTURED: error, PLAIN: error, COMPONENTS: 0.5}
+    sets = [*PARTNERS, *PARTNERS.values()]
+    tests = [*((name, name) for name in sets), *((partner, name) for name, partner in PARTNERS.items())]
     errors = [
-        (*key, model, part, 0, nmse[model] + 0.001 * part, 1.0, error + 0.001 * part, 0.02)
-        for key in TESTS
+        (*key, model, part, 0, nmse[model] + 0.001 * part, error + 0.001 * part, 0.02)
+        for key in tests
         for model in nmse
         for part in range(4)
     ]
-    columns = "learned_from test_run new model part seed reconstruction worst_electrode distances pressure"
-    numbers = {"trials": 4, "samples": 900, "counts": 8.0, "against": 0.2, "components": 6}
-    numbers |= {"start_counts": 21.0, "end_counts": 3.0}
-    numbers |= dict.fromkeys(("along_mm", "across_mm"), 0.2) | dict.fromkeys(
-        ("along_std_mm", "across_std_mm"), 0.1
-    )
-    pairs = [(name, name, 0.4) for name in ("slides", "unscrewing")]
-    pairs += [(*pair, 0.4) for pair in PARTNERS.items()]
-    electrodes = np.arange(1, 20)
-    matrix = {"electrode": np.repeat(electrodes, 19), "other": np.tile(electrodes, 19), "correlation": 0.5}
+    columns = "learned_from test_run model part seed reconstruction distances pressure"
     return {
         "errors": rows(columns, errors),
-        "sets": pd.DataFrame({"set": list(PARTNERS)} | numbers),
-        "likeness": rows("first second correlation", pairs),
-        "correlations": pd.concat(pd.DataFrame({"set": name, **matrix}) for name in PARTNERS),
+        "sets": pd.DataFrame({"set": sets, "trials": 4, "components": 6}),
+        "fingers": fingers(1.0),
     }
 
 
@@ -156,19 +147,16 @@ def test_a_skin_is_shown_as_far_as_it_was_recorded(there, shown):
 @pytest.mark.parametrize("missing", ["slides", "unscrewing"])
 def test_touch_goes_on_with_one_of_its_sets(missing, shown):
     gone, tables = {missing, PARTNERS[missing]}, dict(transfer())
-    for name, columns in (
-        ("errors", ("learned_from", "test_run")),
-        ("sets", ("set",)),
-        ("likeness", ("first", "second")),
-        ("correlations", ("set",)),
-    ):
+    for name, columns in (("errors", ("learned_from", "test_run")), ("sets", ("set",))):
         for column in columns:
             tables[name] = tables[name][~tables[name][column].isin(gone)]
+    del tables["fingers"]  # no scraping was recorded
     page, find = shown("biotac", tables)
     left = "unscrewing" if missing == SLIDES else SLIDES
-    assert f"reconstruction_nmse_{left}" in find
-    assert f"reconstruction_nmse_{missing}" not in find
-    assert missing not in page.partition("<h3>Transfer")[2].partition("<details")[0]
+    assert list(find["reconstruction"]) == [left]
+    assert "Simulated beside recorded touch" not in page
+    assert find["contact"].reason == "no scraping execution is recorded here"
+    assert "Simulated beside recorded touch" in shown("biotac", transfer())[0]
 
 
 def test_slides_over_one_material_are_enough(shown):
@@ -181,25 +169,10 @@ def test_slides_over_one_material_are_enough(shown):
     page, _ = shown("slides", tables)
     assert "it takes two slides over each of two materials" in page
     assert "it takes two slides" not in shown("slides", surfaces())[0]
-    assert "Three random directions" in shown("biotac", transfer())[0]
 
 
-def test_calibration_says_what_agrees():
-    equal, stronger = (calibration_section.find_calibration(calibrated(gain)) for gain in (1.0, 3.0))
-    claims = {"package": "dissertation.recorded.calibration", "file": "calibration_claims.yaml"}
-    assert set(verdicts(found=equal, **claims).values()) == {"yes"}
-    words = verdicts(found=stronger, **claims)
+def test_fingers_that_differ_are_told():
+    claims = read_claims(ROOT / "src/dissertation/recorded/claims/biotac.yaml")
+    judged = judge(claims, find_transfer(transfer() | {"fingers": fingers(3.0)}), {})
+    words = {one.claim.evidence: one.verdict for one in judged}
     assert (words["contact"], words["noise"]) == ("no", "yes")
-    drawn = calibration_section.calibration_pictures(calibrated(3.0), 0.99)
-    document = calibration_section.calibration_document(calibrated(3.0), stronger, PARAMETERS)
-    assert document.simulated
-    assert words_in_view(render(document, dict.fromkeys(drawn, ()))) <= 1000
-    values = stronger.numbers()
-    assert values["compared"] == len(calibration_section.STATISTICS)
-    ratio = values["contact_strongest_simulated"] / values["contact_strongest_recorded"]
-    assert ratio == pytest.approx(3, rel=0.05)
-
-
-def test_the_claims_bound_is_the_parameters_factor():
-    path = Path(calibration_section.__file__).with_name("calibration_claims.yaml")
-    assert {tuple(claim.bound) for claim in read_claims(path)} == {(1 / PARAMETERS.factor, PARAMETERS.factor)}

@@ -27,7 +27,7 @@ def main() -> None:
     runs, skill = nominal_runs(parameters.runs + parameters.level_runs), ReactiveSkill(primitives)
     executed = executions(skill, runs, testbed)
     with publish("data/raw/scraping/unrolls") as folder:
-        # on the sensors' own clocks, as stages/recorded/calibrate.py needs
+        # on the sensors' own clocks, for recorded.transfer.finger_statistics
         write_recordings(executed[: parameters.runs], folder)
     level = [synchronise(one, **clock.model_dump()) for one in executed]
     unrolls = level[: parameters.runs]

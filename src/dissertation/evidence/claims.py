@@ -63,13 +63,12 @@ NEEDS_BOUND = {"at most", "at least", "between"}
 
 
 class Counterpart(Parameters):
-    """The corresponding statement of a simulated testbed."""
+    """The corresponding claim of a simulated testbed, found by its finding."""
 
-    testbed: str  # whose `claims.csv` has the statement
-    statement: str  # as worded there
+    testbed: str  # whose `claims.csv` has the claim
+    evidence: str  # name of its finding
     cases: tuple[str, ...] = ()  # all if empty
     page: str = "index"  # of that testbed
-    by: Literal["published", "ours"] | None = None  # needed if both have a statement worded alike
 
 
 class Margin(Parameters):
@@ -196,6 +195,7 @@ class Judged:
     would_decide: tuple[str, ...] = ()  # by case, see `Claim.would_decide`
     heading: str = ""  # name of the data set, on pages with several
     simulated: str = ""  # verdict on the claim's counterpart; empty if unknown
+    there: str = ""  # the statement of the counterpart
 
 
 def read_claims(path: Path) -> list[Claim]:
@@ -255,21 +255,19 @@ def claim_metrics(judged: Sequence[Judged]) -> dict[str, int]:
     return {f"claims_{word.replace(' ', '_')}": count for word, count in verdict_counts(judged).items()}
 
 
-def verdict_in(table: pd.DataFrame, counterpart: Counterpart) -> str:
-    """Verdict on a statement, or on some of its cases, in a `claims_table`; empty if it is not there."""
-    rows = table[table["statement"] == counterpart.statement]
+def verdict_in(table: pd.DataFrame, counterpart: Counterpart) -> tuple[str, str]:
+    """Verdict on a claim, or on some of its cases, in a `claims_table`, and its statement; or empty texts."""
+    rows = table[table["evidence"] == counterpart.evidence]
     if counterpart.cases:
         rows = rows[rows["case"].isin(counterpart.cases)]
-    if counterpart.by:
-        rows = rows[rows["by"] == counterpart.by]
-    return combined(list(rows["verdict"])) if len(rows) else ""
+    return (combined(list(rows["verdict"])), rows["statement"].iloc[0]) if len(rows) else ("", "")
 
 
 def claims_table(judged: Sequence[Judged], pages: Mapping[str, str] | None = None) -> pd.DataFrame:
     """Table for `claims.csv`: one row per case of each claim, with the data set if there are several.
 
     `number` is `here` without its interval; `low` and `high` are the interval's ends; `bound` is that of the
-    test, two of a range; `page` has the row (`pages` by evidence).
+    test, two of a range; both are empty if it was not tested; `page` has the row (`pages` by evidence).
     """
     rows = []
     for one in judged:
@@ -285,7 +283,9 @@ def claims_table(judged: Sequence[Judged], pages: Mapping[str, str] | None = Non
             if found is not None:
                 row |= {"number": number_in_words(found, claim.format), "study": found.study}
                 row |= {"value": found.value, "low": found.low, "high": found.high}
-                row |= {"unit": claim.unit or found.unit, "test": claim.test_of(case)}
+                row["unit"] = claim.unit or found.unit
+            if found is not None and not np.isnan(found.value):  # else its cases may be unknown
+                row["test"] = claim.test_of(case)
                 row["bound"] = " ".join(f"{bound:g}" for bound in np.atleast_1d(claim.bound_of(case)))
             rows.append(shared | row | of_set)
     table = pd.DataFrame(rows).reindex(columns=[*COLUMNS, *OF_SETS])
@@ -304,7 +304,8 @@ class OnRecordings:
 
     statement: str  # on the page of recorded data
     counterpart: Counterpart  # of the simulated testbed
-    simulated: str  # verdict on the counterpart
+    there: str  # the statement of the counterpart
+    simulated: str  # verdict on it
     recorded: str  # verdict on recorded data
     found: tuple[str, ...]  # as text, by case
     heading: str  # name of the data set
@@ -331,12 +332,12 @@ def on_recordings(recorded: pd.DataFrame, testbed: str, own: pd.DataFrame) -> li
     both = []
     for (heading, statement, like), cases in rows.groupby(["set", "statement", "counterpart"], sort=False):
         counterpart = Counterpart.model_validate_json(like)
-        simulated = verdict_in(own, counterpart)
+        simulated, there = verdict_in(own, counterpart)
         if counterpart.testbed == testbed and simulated not in ("", NOT_TESTED):
             found = tuple(
                 f"{case}: {here}" if case else here
                 for case, here in zip(cases["case"], cases["here"], strict=True)
             )
             verdict = cases["verdict_of_all"].iloc[0]
-            both.append(OnRecordings(statement, counterpart, simulated, verdict, found, heading))
+            both.append(OnRecordings(statement, counterpart, there, simulated, verdict, found, heading))
     return both

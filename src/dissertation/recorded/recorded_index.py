@@ -57,28 +57,38 @@ def reload_verdicts(name: str, title: str) -> list[Judged]:
     path = HERE / "claims" / f"{name}.yaml"
     if not path.exists():
         return []
-    table = read_csv(TaskFiles(name).report / "tables/claims.csv", keep_default_na=False)
+    table = read_csv(
+        TaskFiles(name).report / "tables/claims.csv",
+        keep_default_na=False,
+        na_values=dict.fromkeys(("value", "low", "high"), ""),
+    )
     keys = table[["statement", "source", "evidence"]]
     rows = [its for _, its in table.groupby((keys != keys.shift()).any(axis=1).cumsum())]
     judged = []
     for claim, its in zip(read_claims(path), rows, strict=True):
         texts = its.iloc[0][["statement", "source", "published"]].to_dict()
-        like, simulated = claim.simulated, ""
+        like, alike = claim.simulated, ("", "")
         there = CLONE / "reports" / (like.testbed if like else "") / "tables/claims.csv"
         if like and there.exists():
-            simulated = verdict_in(read_csv(there, keep_default_na=False), like)
+            alike = verdict_in(read_csv(there, keep_default_na=False), like)
         judged.append(
             Judged(
                 claim.model_copy(update=texts | {"note": rendered(claim.note, {})}),
                 tuple(its[["case", "here", "n", "verdict"]].itertuples(index=False, name=None)),
                 combined(list(its["verdict"])),
-                tuple(its["study"]),
+                tuple(_reloaded(row, claim.format) for row in its.itertuples()),
                 tuple(its["would_decide"]),
                 title,
-                simulated,
+                *alike,
             )
         )
     return judged
+
+
+def _reloaded(row: Any, number_format: str) -> Evidence:
+    """Evidence of one row of a `claims_table`, as far as the table has it."""
+    count = int(row.value) if number_format == "count" and row.value == row.value else None
+    return Evidence(row.value, row.low, row.high, row.n, count, unit=row.unit, study=row.study)
 
 
 def headlines(quoted: Mapping[str, Mapping[str, Any]], names: Collection[str]) -> Findings:

@@ -25,7 +25,7 @@ from structlearn.core.params import Parameters
 class ResponseParameters(Parameters):
     """Electrodes of a finger; the comments give reasons and sources of the values in `params.yaml`.
 
-    The calibration report compares values from the recorded scraping execution (`clmc`) with the data.
+    The page of the set `biotac` compares the recorded scraping execution (`clmc`) with simulated ones.
     """
 
     # spatial resolution is below 2 mm (Wettels et al. 2008); contact affects as few electrodes as recorded

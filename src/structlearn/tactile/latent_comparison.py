@@ -191,8 +191,10 @@ def split_data(
 
 
 @torch.no_grad()
-def latent_errors(models: LatentModels, splits: Mapping[str, SplitData]) -> pd.DataFrame:
-    """NMSE of the autoencoders.
+def latent_errors(
+    models: LatentModels, splits: Mapping[str, SplitData], every: SplitData | None = None
+) -> pd.DataFrame:
+    """NMSE of the autoencoders, by the variances in each split or in `every`, a set that it is part of.
 
     Columns: `structure`, `seed`, `split`, `reconstruction` (mean over electrodes), `worst_electrode` (largest
     over electrodes), `distances` (map against geodesic), `pressure`.
@@ -204,16 +206,23 @@ def latent_errors(models: LatentModels, splits: Mapping[str, SplitData]) -> pd.D
             values.T.expand(len(models), -1, -1) for values in (data.signals, data.first, data.second)
         )
         latent = spaces.encoder.forward(signals)
-        electrodes = _nmse(spaces.decoder.forward(latent), signals)  # (M, E)
+        scale = _variances(data) / _variances(every or data)  # (E + 2,)
+        electrodes = scale[:-2] * _nmse(spaces.decoder.forward(latent), signals)  # (M, E)
         distance = map_distance(spaces.encoder.forward(first), spaces.encoder.forward(second))
         errors = {
             "reconstruction": electrodes.mean(dim=1),
             "worst_electrode": electrodes.amax(dim=1),
-            "distances": _nmse(distance, data.geodesic),
-            "pressure": _nmse(latent[:, 2], data.pressure),
+            "distances": scale[-2] * _nmse(distance, data.geodesic),
+            "pressure": scale[-1] * _nmse(latent[:, 2], data.pressure),
         }
         tables.append(_by_model(models, errors, split=split))
     return pd.concat(tables, ignore_index=True)
+
+
+def _variances(data: SplitData) -> Tensor:
+    """(E + 2,) variances of the signals, of the distances and of the pressure."""
+    parts = (data.signals, data.geodesic[:, None], data.pressure[:, None])
+    return torch.cat([its.var(dim=0, correction=0) for its in parts])
 
 
 @torch.no_grad()

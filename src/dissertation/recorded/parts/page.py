@@ -6,14 +6,11 @@ from typing import Any
 
 import numpy as np
 import pandas as pd
-from matplotlib.figure import Figure
 
 from dissertation.recorded.parts.parameters import AUTHORS, RANDOM, PartsParameters
-from structlearn.palette import BLACK, BLUE, ORANGE, PINK, Look
 from structlearn.readers.joint_log import PartedLog, read_log_table
 from structlearn.reporting.document import Table
 from structlearn.reporting.evidence import Evidence
-from structlearn.reporting.figure_style import legend, panel, styled
 from structlearn.reporting.findings import Findings
 from structlearn.reporting.prose import rounded
 from structlearn.tasks.motion.motion_results import stated
@@ -21,7 +18,7 @@ from structlearn.tasks.section import Section
 from structlearn.tasks.task_files import TaskFiles
 
 PROTOCOLS = {AUTHORS: "their protocol", RANDOM: "random choices"}
-PART_LOOKS = {"mlp": Look("MLP", ORANGE), "delan": Look("DeLaN", PINK), "cov": Look("planar arm, Cov", BLUE)}
+MODELS = {"mlp": "MLP", "delan": "DeLaN", "cov": "planar arm, Cov"}
 
 
 def sections(files: TaskFiles) -> list[Section]:
@@ -49,10 +46,7 @@ def parts_section(
             scale = published[part]
             its = replace(one, value=scale * one.value, low=scale * one.low, high=scale * one.high)
             text = stated(its, ".1e") if its.low < its.high else rounded(its.value, ".1e")
-            rows[part][f"{PART_LOOKS[model].name}, {PROTOCOLS[protocol]}"] = text
-    power = tables["parts"].query("model == 'delan' and protocol == @RANDOM and measure == 'power'")
-    worst = power.loc[power["error"].idxmax()]
-    find.among("random choices").exact("worst_power", worst["error"] / published["power"], len(power))
+            rows[part][f"{MODELS[model]}, {PROTOCOLS[protocol]}"] = text
     planar, fits = tables["planar"], find.among("fits")
     lengths = planar["length_m"]
     fits.exact_count("possible_links", int(planar["possible"].sum()), len(planar))
@@ -63,23 +57,7 @@ def parts_section(
         "Parts of the torque",
         "torque_parts.html.jinja",
         lead="torque_parts_lead.html.jinja",
-        facts={"chosen": parameters, "origin": origin, "worst": worst["left_out"].split()},
+        facts={"chosen": parameters, "origin": origin},
         find=find,
         tables={"torque_parts": Table(pd.DataFrame(rows.values()))},
-        pictures={"torque_parts": parts_panel(tables["parts"], published)},
     )
-
-
-@styled
-def parts_panel(parts: pd.DataFrame, published: Mapping[str, float]) -> Figure:
-    """Errors of all trainings by part of the torque, with the published errors."""
-    labels = {"ylabel": "squared error", "yscale": "log"}
-    figure, axes = panel("Held-out characters", 3.5, **labels)
-    places = np.arange(len(published))
-    for shift, (model, look) in zip((-0.2, 0.0, 0.2), PART_LOOKS.items(), strict=True):
-        its = parts[parts["model"] == model]
-        where = its["measure"].map(dict(zip(published, places, strict=True))) + shift
-        axes.plot(where, its["error"], "o", color=look.colour, markersize=3.5, alpha=0.6, label=look.name)
-    axes.hlines(list(published.values()), places - 0.4, places + 0.4, color=BLACK, label="DeLaN, published")
-    axes.set_xticks(places, list(published))
-    return legend(figure)

@@ -1,8 +1,8 @@
-"""Latent spaces of recorded touch, and transfer between simulated and recorded touch (II.4).
+"""Latent spaces of recorded touch, and transfer from simulated touch (II.4).
 
-Sets of BioTac touches, slides over materials and logs of unscrewing, are compared with simulated touches of a
-handle. The same code learns from each set and is tested on whole trials held out. Models of one set are then
-tested on its partner, with each set standardised by its own statistics and principal components as baseline.
+Latent spaces of BioTac touches, slides over materials and logs of unscrewing, are tested on each trial held
+out in turn. One of simulated touches of a handle is tested on them too, each set standardised by itself, with
+principal components as baseline.
 
 Counts differ in meaning. In the logs of unscrewing they rise under pressure (their mean correlates with the
 contact force at 0.98 and more), so their sign is inverted. The slides were published as magnitudes of change,
@@ -12,27 +12,25 @@ compared with magnitudes.
 
 from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, replace
-from itertools import combinations
 from pathlib import Path
 
 import numpy as np
 import pandas as pd
 
-from dissertation.recorded.calibration.touch_calibration import in_sets, pca_dimensions
+from dissertation.recorded.transfer.finger_statistics import compared, pca_dimensions
 from dissertation.recorded.transfer.parameters import TransferParameters
 from dissertation.simulation import fingers, touch_demonstrator
 from dissertation.simulation.touch import FingerParameters, TouchFingerParameters
 from dissertation.simulation.touch_demonstrator import ToucherParameters, demonstrate
 from structlearn.core import signals
 from structlearn.core.errors import InputError, MissingInputError
-from structlearn.core.metrics import nmse
 from structlearn.core.parallel import parallel_map
 from structlearn.core.stage import stage_parameters
-from structlearn.readers import synchronise
+from structlearn.readers import read_recordings, synchronise
 from structlearn.readers.demonstration import Demonstration, Recording, read_streams
 from structlearn.tactile.electrodes import SKINS, Skin
 from structlearn.tactile.geodesics import Geodesics, geodesics
-from structlearn.tactile.latent_comparison import latent_errors, split_data
+from structlearn.tactile.latent_comparison import SplitData, latent_errors, split_data
 from structlearn.tactile.latent_parameters import GeodesicParameters, LatentSpaceParameters
 from structlearn.tactile.latent_training import learn_spaces, own_units
 from structlearn.tactile.touch_dataset import (
@@ -41,28 +39,34 @@ from structlearn.tactile.touch_dataset import (
     TRAIN,
     TouchDataParameters,
     TouchDataset,
+    TouchUnits,
     contact_points,
     motion_of,
     prepare,
 )
 from structlearn.tasks.task_files import TaskFiles, write_tables
-from structlearn.tasks.touch import touch_names as names
-from structlearn.tasks.touch.touch_names import NEW_MATERIAL, PARTNERS, SLIDES, UNSCREWING, material_of
+from structlearn.tasks.touch.touch_names import COMPONENTS, PLAIN, STRUCTURED
 
-LEARNED = "learned from"
-RECORDED = (SLIDES, UNSCREWING)
-SIMULATED = Path("../../params.yaml")  # of the simulated person and finger, from the project of public sets
+SLIDES, UNSCREWING, SCRAPING = "slides", "unscrewing", "scraping"  # sets of the source
+SIMULATED, MAGNITUDES = "simulated", "simulated, magnitudes"  # the latter: only the sizes of the changes
+PARTNERS = {SLIDES: MAGNITUDES, UNSCREWING: SIMULATED}  # simulated set that is like a recorded one
+CLONE = Path("../..")  # from the project of public sets
 DIMENSIONS = 3  # of the latent space; the rival has as many principal components
+HELD_OUT = 3  # of the simulated trials, which are many and alike, every so many is held out
 
 
 @dataclass(frozen=True)
 class TouchSet:
-    """Touches of one origin, with what was touched in each trial; the split of the samples is not used."""
+    """Touches of one origin; the split of the samples is not used."""
 
     name: str
     samples: TouchDataset
     geodesics: Geodesics
-    groups: tuple[str, ...]
+
+    @property
+    def trials(self) -> int:
+        """Number of trials."""
+        return int(self.samples.trial.max()) + 1
 
     def without(self, trials: Sequence[int] | np.ndarray) -> TouchDataset:
         """Samples with the given trials as test split and all others as training split."""
@@ -111,44 +115,53 @@ def touch_sets(
     A set is skipped with its partner if it has too few samples for distances, or patches too far apart.
     Raises MissingInputError if no set is left.
     """
-    found = {}
+    found = {SIMULATED: simulated, MAGNITUDES: magnitudes(simulated, skin)}
     for name, trials in recorded.items():
         sound = [one for one in trials if one.name not in left_out]
         if len(sound) > 1:
-            groups = [material_of(one.name) if name == SLIDES else one.name for one in sound]
-            found[name] = held_touch(sound, skin, cutoff_hz), groups
-    handle = ["handle"] * (int(simulated.trial.max()) + 1)
-    found[names.SIMULATED] = simulated, handle
-    found[names.MAGNITUDES] = magnitudes(simulated, skin), handle
+            found[name] = held_touch(sound, skin, cutoff_hz)
     sets = {}
-    for name, (samples, groups) in found.items():
+    for name, samples in found.items():
         try:
-            distances = geodesics(samples.contact_point, parameters)
+            sets[name] = TouchSet(name, samples, geodesics(samples.contact_point, parameters))
         except MissingInputError as missing:
             print(f"latent touch: {name} left aside: {missing}")
-        else:
-            sets[name] = TouchSet(name, samples, distances, tuple(groups))
-    paired = [its for name, its in sets.items() if PARTNERS[name] in sets]
+    paired = [sets[name] for both in PARTNERS.items() if set(both) <= set(sets) for name in both]
     if not paired:
         raise MissingInputError("there are no two slides or logs of unscrewing whose touches make a map")
     return paired
 
 
 def learn(files: TaskFiles, folder: Path) -> None:
-    """Write the tables of `learn_transfer`."""
-    electrodes = stage_parameters("testbed.touch", fingers.PinchParameters, SIMULATED)
-    found = compare_sets(
-        read_streams(files.recorded / "streams.parquet"),
+    """Write `fingers`, if scraping was recorded, and the tables of `learn_transfer`."""
+    recorded = in_sets(read_streams(files.recorded / "streams.parquet"))
+    executed = CLONE / "data/raw/scraping/unrolls"
+    tables: dict[str, pd.DataFrame] = {}
+    if recorded.get(SCRAPING) and any(executed.iterdir()):
+        tables["fingers"] = compared(recorded[SCRAPING], read_recordings(executed))
+    main = CLONE / "params.yaml"  # of the simulated person and finger
+    electrodes = stage_parameters("testbed.touch", fingers.PinchParameters, main)
+    tables |= compare_sets(
+        recorded,
         files.entry(TransferParameters),
-        stage_parameters("toucher", ToucherParameters, SIMULATED),
-        stage_parameters("touch_finger", TouchFingerParameters, SIMULATED).with_electrodes_of(electrodes),
-        stage_parameters("touch_dataset", TouchDataParameters, SIMULATED),
+        stage_parameters("toucher", ToucherParameters, main),
+        stage_parameters("touch_finger", TouchFingerParameters, main).with_electrodes_of(electrodes),
+        stage_parameters("touch_dataset", TouchDataParameters, main),
     )
-    write_tables(found, folder)
+    write_tables(tables, folder)
+
+
+def in_sets(recordings: Sequence[Recording]) -> dict[str, list[Recording]]:
+    """Group recordings named SET/NAME by set; each is renamed NAME."""
+    found: dict[str, list[Recording]] = {}
+    for one in recordings:
+        name, _, rest = one.name.partition("/")
+        found.setdefault(name, []).append(replace(one, name=rest))
+    return found
 
 
 def compare_sets(
-    recordings: Sequence[Recording],
+    recordings: Mapping[str, Sequence[Recording]],
     parameters: TransferParameters,
     person: ToucherParameters,
     finger: FingerParameters,
@@ -157,152 +170,90 @@ def compare_sets(
     """Compare recorded sets with touches by a simulated person; see `learn_transfer`."""
     skin = SKINS["biotac"]
     recorded = {
-        name: [synchronise(one, samples.rate_hz) for one in its]
-        for name, its in in_sets(recordings).items()
-        if name in RECORDED
+        name: [synchronise(one, samples.rate_hz) for one in recordings.get(name, ())] for name in PARTNERS
     }
-    if max(map(len, recorded.values()), default=0) < 2:
+    if max(map(len, recorded.values())) < 2:
         raise MissingInputError("two slides or two logs of unscrewing are needed")
     fewer = dict.fromkeys(("rotations", "translations"), parameters.simulated_repeats) | {"skin": skin.name}
     person = person.model_copy(update=fewer)
     simulated = [touch_demonstrator.recorded(one, person) for one in demonstrate(person, finger)]
     touches = prepare([synchronise(one, samples.rate_hz) for one in simulated], skin, samples)
     sets = touch_sets(recorded, touches, skin, samples.cutoff_hz, parameters.left_out, parameters.geodesics)
-    return learn_transfer(sets, skin, parameters)
+    return learn_transfer(sets, parameters)
 
 
-def learn_transfer(
-    sets: Sequence[TouchSet], skin: Skin, parameters: TransferParameters
-) -> dict[str, pd.DataFrame]:
-    """Learn from every set, and test on the trials held out and on the partner set.
-
-    Trials of a simulated set are many and alike, so only their first part is held out.
+def learn_transfer(sets: Sequence[TouchSet], parameters: TransferParameters) -> dict[str, pd.DataFrame]:
+    """Learn from every set, and test on trials held out; from simulated sets, on their recorded partner too.
 
     Returns:
-        `errors` per `learned_from` and `test_run` (sets), `new` (what is new in the samples), `part` (its
-        number), `model` and `seed`: NMSE of `reconstruction` (mean over electrodes), of its
-        `worst_electrode`, of map `distances` and of `pressure`; the last two are NaN for components.
-        `sets`: see `_statistics`. `likeness` per `first` and `second`: `correlation` of the off-diagonal
-        elements of their electrodes' correlation matrices; of a set with itself, mean over pairs of its
-        groups. `correlations`, these matrices: `set`, `electrode`, `other`, `correlation`.
+        `errors` per `learned_from` and `test_run` (sets), `part` (its number), `model` and `seed`: mean
+        squared errors relative to the variance in the set, of `reconstruction` (mean over electrodes), map
+        `distances` and `pressure`; the last two are NaN for components.
+        `sets`: `set`, `trials`, and `components` that hold 99 % of the variance.
 
-    Raises:
-        InputError: a set has a single trial, or an electrode of it never changes.
+    Raises InputError: a set has a single trial, or an electrode of it never changes.
     """
-    by_name = {one.name: one for one in sets}
+    partners = {PARTNERS[one.name]: one for one in sets if one.name in PARTNERS}
     work = [
-        (one, by_name[PARTNERS[one.name]], new, part, trials, parameters.spaces)
+        (one, partners.get(one.name), part, trials, parameters.spaces)
         for one in sets
-        for new, parts in parts_left_out(one, parameters.folds).items()
-        for part, trials in enumerate(parts)
-        if part == 0 or one.name in RECORDED
+        for part, trials in enumerate(held_out(one))
     ]
-    tables = parallel_map(_errors, work, "latent spaces of touch", local=True)
-    likeness, correlations = _correlations(by_name)
+    rows = [
+        (one.name, one.trials, pca_dimensions(its / its.std(axis=0), 0.99))
+        for one, its in ((one, one.samples.signals.astype(float)) for one in sets)
+    ]
     return {
-        "errors": pd.concat(tables, ignore_index=True),
-        "sets": pd.DataFrame([_statistics(one, skin) for one in sets]),
-        "likeness": likeness,
-        "correlations": correlations,
+        "errors": pd.concat(parallel_map(_errors, work, "latent spaces of touch", local=True)),
+        "sets": pd.DataFrame(rows, columns=["set", "trials", "components"]),
     }
 
 
-def parts_left_out(touches: TouchSet, folds: int) -> dict[str, list[np.ndarray]]:
-    """Trials left out in turn, keyed by what is new: whole trials, or a group that has several."""
-    groups = np.array(touches.groups)
-    trials = np.arange(len(groups))
+def held_out(touches: TouchSet) -> list[np.ndarray]:
+    """Trials that are held out together: each recorded one in turn, of simulated ones every third once."""
+    trials = np.arange(touches.trials)
     if len(trials) < 2:
         raise InputError(f"{touches.name}: of a single trial none can be left out")
-    count = min(folds, len(trials))
-    found = {names.NEW_TRIALS: [trials[part::count] for part in range(count)]}
-    materials = dict.fromkeys(touches.groups)
-    if 1 < len(materials) < len(trials):
-        found[NEW_MATERIAL] = [trials[groups == name] for name in materials]
-    return found
+    return list(trials[:, None]) if touches.name in PARTNERS else [trials[::HELD_OUT]]
 
 
 def _errors(
-    work: tuple[TouchSet, TouchSet, str, int, np.ndarray, LatentSpaceParameters],
+    work: tuple[TouchSet, TouchSet | None, int, np.ndarray, LatentSpaceParameters],
 ) -> pd.DataFrame:
     """Errors of all models learned from a set without one part of its trials."""
-    from sklearn.decomposition import PCA
-
-    source, partner, new, part, trials, parameters = work
-    samples = source.without(trials)
+    source, partner, part, trials, parameters = work
+    samples, pairs = source.without(trials), parameters.evaluation_pairs
     units = own_units(samples, source.geodesics)
     models = learn_spaces(samples, source.geodesics, units, parameters)
-    tests = {LEARNED: (units, samples, source, TRAIN), new: (units, samples, source, TEST)}
-    if new == NEW_MATERIAL:
-        rest = source.without(np.setdiff1d(np.arange(len(source.groups)), trials))
-        tests[names.OWN_UNITS] = (own_units(rest, source.geodesics), rest, source, TRAIN)
-    else:
-        whole = partner.without(())
-        tests[names.NEW_SET] = (own_units(whole, partner.geodesics), whole, partner, TRAIN)
-    pairs = parameters.evaluation_pairs
-    seen = {
-        name: split_data(its_units, touches, of.geodesics, split, pairs, np.random.default_rng(split))
-        for name, (its_units, touches, of, split) in tests.items()
-    }
-    spaces = latent_errors(models, seen).rename(columns={"split": "new"})
-    spaces["model"] = np.where(spaces.pop("structure"), names.STRUCTURED, names.PLAIN)
-    components, rival = PCA(DIMENSIONS).fit(seen[LEARNED].signals.numpy()), []
-    for name, data in seen.items():
-        its = data.signals.numpy()
-        errors = nmse(components.inverse_transform(components.transform(its)), its)
-        rival.append((name, names.COMPONENTS, 0, errors.mean(), errors.max()))
-    columns = ["new", "model", "seed", "reconstruction", "worst_electrode"]
-    table = pd.concat([spaces, pd.DataFrame(rival, columns=columns)], ignore_index=True)
-    if new == NEW_MATERIAL:  # training errors add nothing to those of `NEW_TRIALS`
-        table = table[table["new"] != LEARNED]
-    about = table["new"].map({name: of.name for name, (_, _, of, _) in tests.items()})
-    return table.assign(learned_from=source.name, test_run=about, part=part)
-
-
-def _statistics(touches: TouchSet, skin: Skin) -> dict[str, float | str]:
-    """Row of `sets`; their columns are explained on the page."""
-    samples = touches.samples
-    along, across = skin.coordinates(samples.contact_point.astype(float))
-    starts = np.flatnonzero(np.diff(samples.trial, prepend=-1))
-    ends = np.append(starts[1:], len(samples)) - 1
-    deviation = samples.signals.std(axis=0, dtype=float)
-    return {
-        "set": touches.name,
-        "trials": len(touches.groups),
-        "samples": len(samples),
-        "counts": np.sqrt(np.mean(deviation**2)),
-        "against": np.mean(samples.signals > 0),
-        "start_counts": samples.pressure[starts].mean(dtype=float),
-        "end_counts": samples.pressure[ends].mean(dtype=float),
-        "components": pca_dimensions(samples.signals / deviation, 0.99),
-        "along_mm": 1e3 * along.mean(),
-        "across_mm": 1e3 * across.mean(),
-        "along_std_mm": 1e3 * along.std(),
-        "across_std_mm": 1e3 * across.std(),
-    }
-
-
-def _correlations(by_name: Mapping[str, TouchSet]) -> tuple[pd.DataFrame, pd.DataFrame]:
-    """`likeness` and `correlations` of `learn_transfer`."""
-    whole = {name: np.corrcoef(its.samples.signals.T) for name, its in by_name.items()}
-    recorded = [name for name in RECORDED if name in by_name]
-    likeness = []
-    for name in recorded:
-        touches, group = by_name[name].samples, np.array(by_name[name].groups)
-        matrices = [np.corrcoef(touches.signals[(group == its)[touches.trial]].T) for its in pd.unique(group)]
-        if len(matrices) > 1:
-            alike = [_alike(*pair) for pair in combinations(matrices, 2)]
-            likeness.append((name, name, float(np.mean(alike))))
-    likeness += [(name, PARTNERS[name], _alike(whole[name], whole[PARTNERS[name]])) for name in recorded]
+    middle, axes = _components(units.signals(samples.signals[samples.split == TRAIN]))
     tables = []
-    for name, matrix in whole.items():
-        electrode, other = np.indices(matrix.shape).reshape(2, -1) + 1
-        columns = {"set": name, "electrode": electrode, "other": other, "correlation": matrix.ravel()}
-        tables.append(pd.DataFrame(columns))
-    found = pd.DataFrame(likeness, columns=["first", "second", "correlation"])
-    return found, pd.concat(tables, ignore_index=True)
+
+    def seen(touches: TouchSet, its: TouchDataset, its_units: TouchUnits, split: int) -> SplitData:
+        return split_data(its_units, its, touches.geodesics, split, pairs, np.random.default_rng(split))
+
+    # samples to test on, and the set whose variance they are compared with
+    tests = {
+        source.name: (seen(source, samples, units, TEST), seen(source, source.without(()), units, TRAIN))
+    }
+    if partner is not None:
+        whole = partner.without(())
+        data = seen(partner, whole, own_units(whole, partner.geodesics), TRAIN)
+        tests[partner.name] = data, data
+    for name, (data, whole_set) in tests.items():
+        tables.append(latent_errors(models, {name: data}, whole_set).drop(columns="worst_electrode"))
+        its = data.signals.numpy() - middle
+        squared = ((its @ axes.T @ axes - its) ** 2).mean(axis=0)
+        error = float((squared / whole_set.signals.numpy().var(axis=0)).mean())
+        rival = {"split": [name], "model": COMPONENTS, "seed": 0, "reconstruction": error}
+        tables.append(pd.DataFrame(rival))
+    found = pd.concat(tables, ignore_index=True).rename(columns={"split": "test_run"})
+    model = found.pop("structure").map({True: STRUCTURED, False: PLAIN})
+    return found.assign(model=found["model"].fillna(model), learned_from=source.name, part=part)
 
 
-def _alike(first: np.ndarray, second: np.ndarray) -> float:
-    """Correlation of the elements above the diagonals."""
-    upper = np.triu_indices(len(first), k=1)
-    return float(np.corrcoef(first[upper], second[upper])[0, 1])
+def _components(signals: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Mean (E,) and principal components (`DIMENSIONS`, E) of signals (N, E)."""
+    from sklearn.decomposition import PCA
+
+    found = PCA(DIMENSIONS).fit(signals)
+    return found.mean_, found.components_

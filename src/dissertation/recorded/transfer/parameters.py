@@ -13,7 +13,6 @@ class TransferParameters(SourceParameters):
 
     left_out: tuple[str, ...]
     simulated_repeats: int = Field(ge=1)
-    folds: int = Field(ge=2)
     geodesics: GeodesicParameters
     spaces: LatentSpaceParameters
 

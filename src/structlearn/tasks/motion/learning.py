@@ -51,6 +51,7 @@ from structlearn.tasks.motion.parameters import (
     NetworkChoiceParameters,
     read_task_logs,
 )
+from structlearn.tasks.motion.repeated_motion import repeat_lines, repeats
 from structlearn.tasks.task_files import TaskFiles, is_public, leave_out, local_path, write_tables
 
 TEST = "test"  # test part, unless it is a named log
@@ -73,7 +74,8 @@ def learn(files: TaskFiles, folder: Path) -> None:
         robot, urdf = read_task_arm(parameters)
         _, tables = learn_motion(robot, logs, parameters, urdf, folder)
         if "fitness" in tables:
-            print("Fit to identify the arm from?", *fitness_lines(tables["fitness"]), sep="\n")
+            lines = [*fitness_lines(tables["fitness"]), *repeat_lines(tables["repeats"])]
+            print("Fit to identify the arm from?", *lines, sep="\n")
     except InputError as error:
         if not is_public(parameters.source):
             raise
@@ -103,12 +105,12 @@ def learn_motion(
     `logs`: `JointLog` by name, or `DriveLog` if the parameters have drives; `source`: the robot's URDF.
 
     Returns the models by kind and friction, and tables by name; `joint` counts from 1. `motions`: `log`,
-    `part`, `start_s` and `end_s` of what is used, `length_s`, `learned_s` and `tested_s`. `errors`, `blocks`,
-    `norms`, `links`, `traces`, `written`: of `model_comparison`. `gravity`: of `gravity_check`. `base`:
-    `parameter` (its formula), `value`, `low`, `high` (95 %), `urdf`; `fitness` and `determined`: of
-    `rigid_body.log_fitness`. `excitation`: one row, `condition` and `parameters`. `choice`: of
-    `choose_networks`. `bodies` and tables on drives and loads: of `drives_and_load`. Without structures:
-    `gravity`, and the tables of `drives_and_load.payload_check`.
+    `part`, `start_s` and `end_s` of what is used, `length_s`, `learned_s` and `tested_s`. `repeats`: test
+    motions found in the training motion. `errors`, `blocks`, `norms`, `links`, `traces`, `written`: of
+    `model_comparison`. `gravity`: of `gravity_check`. `base`: `parameter` (its formula), `value`, `low`,
+    `high` (95 %), `urdf`; `fitness` and `determined`: of `rigid_body.log_fitness`. `excitation`: one row,
+    `condition` and `parameters`. `choice`: of `choose_networks`. `bodies` and tables on drives and loads: of
+    `drives_and_load`. Without structures: `gravity`, and the tables of `drives_and_load.payload_check`.
 
     Raises InputError: a log lacks a joint, is too short, has no motion or a constant torque.
     MissingInputError: logs are named, but fewer than two motions are without load.
@@ -142,6 +144,7 @@ def _identified(
     motions = {name: motion for name, (motion, _) in cuts.items()}
     pieces = held_out_pieces(motions, parameters)
     parts = joined_parts(", ".join(logs), pieces, parameters)
+    tables["repeats"] = repeats(pieces, parameters.rate_hz)
     tables["motions"] = _motion_table(
         moving, {name: cut for name, (_, cut) in cuts.items()}, pieces, parameters
     )

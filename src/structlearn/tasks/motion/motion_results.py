@@ -38,14 +38,13 @@ LOOKS = {  # models with their friction, keyed as in the protocol's tables
 }
 FEWEST_BLOCKS = 3  # an interval over fewer blocks is not reliable
 HEADLINES = ("nmse", "nmse_urdf", "limit_percent", "relative_percent", "norm_n_m", "load_kg", "load_carried")
-PERCENTS = ("load", "load_alone", "load_quoted", "load_carried", "limit_percent", "relative_percent")
+PERCENTS = ("load_alone", "load_quoted", "load_carried", "limit_percent", "relative_percent")
 UNITS = dict.fromkeys(("assumed_gains", *PERCENTS), "%") | {
     "delays": "ms",
     "load_kg": "kg",
     "norm_n_m": "N m",
 }
 MISSING = dict.fromkeys(("over_networks", "over_networks_by_seed"), "no networks were trained") | {
-    "further_errors": "no further motion is long enough",
     "assumed_gains": "every gain is found at rest, or none is",
     "load_carried": "nowhere is the load carried long enough",
 }
@@ -199,6 +198,10 @@ def motion_findings(results: MotionResults) -> Findings:
     for name, row in rows.items():
         evidence = _evidence(row) or unknown(MISSING.get(name, ""))
         find.add(name, evidence, unit=UNITS.get(name, ""), headline=name in HEADLINES)
+    apart = matching(results["repeats"], part=results.tested)["difference"]
+    find.among("test motions").exact(
+        "test_motion_difference", apart.min(), len(apart), unit="of its spread", headline=True
+    )
     written = results["written"]["difference_n_m"]
     find.among("joints").exact("written_torques", float(written.max()), len(written), unit="N m")
     links = matching(results["links"], model=BEST, friction=results.best[1])
@@ -250,12 +253,11 @@ def _models(results: MotionResults) -> dict[str, Row]:
             MODELS[kind]: Drawn(levels[kind, "viscous"].samples / levels[kind, "coulomb"].samples, worst.n)
             for kind in strict
         },
-        "errors": own,
-        "further_errors": {
-            f"{log}: {joint}": errors
-            for log in results.parts[2:]
+        "errors": {
+            f"{log}: {joint}" if len(results.parts) > 2 else joint: errors
+            for log in results.parts[1:]
             for joint, errors in results.joint_nmse(log, results.best).items()
-            if errors.n >= FEWEST_BLOCKS
+            if log == part or errors.n >= FEWEST_BLOCKS
         },
         "level": {key: Drawn(drawn.samples / bounds[key].samples, drawn.n) for key, drawn in own.items()},
         "over_least_squares": above,
@@ -282,10 +284,9 @@ def _drives(results: MotionResults) -> dict[str, Row]:
 def _load(results: MotionResults) -> dict[str, Row]:
     carried = {log: results.carried(log)[1] for log in results.carried_logs}
     missing = unknown("no motion is recorded with and without a load")
-    rows: dict[str, Row] = dict.fromkeys(("load_kg", "load", "load_alone", "load_quoted"), missing)
+    rows: dict[str, Row] = dict.fromkeys(("load_kg", "load_alone", "load_quoted"), missing)
     if carried:
         rows["load_kg"] = results.load_kg(protocol.ALL_PAIRS, protocol.FOUND)
-        rows["load"] = results.load_error(protocol.ALL_PAIRS, protocol.FOUND)
         rows["load_alone"] = {log: results.load_error(log, protocol.FOUND) for log in carried}
         if protocol.QUOTED in set(results["loads"]["gains"]):
             rows["load_quoted"] = results.load_error(protocol.ALL_PAIRS, protocol.QUOTED)

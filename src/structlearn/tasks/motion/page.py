@@ -89,6 +89,7 @@ def motion_facts(results: MotionResults) -> dict[str, Any]:
         "chosen": results.parameters,
         "friction": FRICTIONS[results.best[1]],
         "seconds": motions[["learned_s", "tested_s"]].sum(),
+        "repeated": results["repeats"].query("repeated").to_dict("records"),
         "worst": best[worst].evidence(),
         "worst_joint": results.names[list(best).index(worst)],
         "best": test.loc[results.best].min(),

@@ -10,9 +10,10 @@ from matplotlib.patches import Rectangle
 
 from structlearn.avoidance.look_ahead import AHEAD_M
 from structlearn.avoidance.scene_reaches import ONSET_SHARE
+from structlearn.core.metrics import mean_interval
 from structlearn.palette import DEMONSTRATION_COLOUR, GREY, LIGHT_GREY, SCENE_MODELS, Look
 from structlearn.reporting.document import Table
-from structlearn.reporting.evidence import Evidence, clustered_share, mean
+from structlearn.reporting.evidence import Evidence, clustered_share, mean, unknown
 from structlearn.reporting.figure_style import Drawing, legend, panel, styled
 from structlearn.reporting.findings import Findings
 from structlearn.reporting.prose import interval, rounded
@@ -57,6 +58,19 @@ class SceneWays(dict[str, pd.DataFrame]):
         people = self.of(model, blocked).groupby("person")[column]
         return people.sum().to_numpy(int), people.size().to_numpy()
 
+    def hits_ratio(self, model: str, other: str) -> Evidence:
+        """Ratio of the shares of reaches that touch an obstacle, with an interval over people.
+
+        The ratio estimator: sum of one model's hits over that of the other; its variance is that of people's
+        residuals, by the t distribution. Unknown without hits of the other, or with a single person.
+        """
+        hits, others = (self.counts("hit", name)[0] for name in (model, other))
+        if not others.any() or len(hits) < 2:
+            return unknown("the other model touches nothing, or one person does not show how people differ")
+        ratio = hits.sum() / others.sum()
+        _, half = mean_interval((hits - ratio * others) / others.mean())
+        return Evidence(ratio, max(ratio - half, 0.0), ratio + half, len(hits))
+
 
 def sections(files: TaskFiles) -> list[Section]:
     """The section on reaches past obstacles."""
@@ -100,11 +114,11 @@ def scene_findings(results: SceneWays) -> Findings:
         if model != OURS:
             find.add(f"{model}_hits", results.share("hit", model), headline=model == PUBLISHED)
     for name, *pair in (
-        ("published_hits_fewer", NONE, PUBLISHED),
         ("published_hits_fewer_than_rai", "human_inspired", PUBLISHED),
         ("features_alone", "nearest", OURS),
     ):
         find.rate_difference(name, *(results.counts("hit", model) for model in pair), unit="%")
+    find.add("published_hits_ratio", results.hits_ratio(PUBLISHED, NONE))
     find.exact("goal", reaches["left_mm"].max(), len(reaches), unit="mm")
     find.exact("published_goal", results.of(PUBLISHED)["left_mm"].max(), len(reaches), unit="mm")
     ours, planned = (results.by_person(model, "path_mm") for model in (OURS, PLANNED))

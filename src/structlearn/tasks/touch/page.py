@@ -58,10 +58,10 @@ def slides_section(files: TaskFiles) -> Section:
 def find_surfaces(tables: Tables) -> Findings:
     """Findings, by the names that claims and sentences use; predictions are NMSEs by material."""
     find, channels = Findings("slides"), tables["channels"]
-    own = dict(list(tables["left_one_out"].groupby("material")["rms"]))
-    across = tables["across_materials"].groupby("expected", sort=False)["rms"]
+    own = dict(list(tables["left_one_out"].dropna(subset="standard").groupby("material")["standard"]))
+    across = tables["across_materials"].groupby("expected", sort=False)["standard"]
     either = {name: (evidence, own[name]) for name, evidence in across if name in own}
-    find.by(group_difference, "other_material", either or None, missing=TOO_FEW)
+    find.by(group_ratio, "other_material", either or None, missing=TOO_FEW)
     strong = channels[channels["channels"] == "strong"]
     for name, table in (("predicted", tables["left_one_out"]), ("predicted_strong", strong)):
         cases, alone = dict(list(table.groupby("material")["nmse"])), "no slide could be left out"
@@ -69,15 +69,16 @@ def find_surfaces(tables: Tables) -> Findings:
     return find
 
 
-def group_difference(first: np.ndarray, second: np.ndarray, comparisons: int = 1) -> Evidence:
-    """Mean of (N,) minus mean of (M,) unpaired samples, with Welch's interval."""
+def group_ratio(first: np.ndarray, second: np.ndarray, comparisons: int = 1) -> Evidence:
+    """Ratio of the geometric means of unpaired positive samples (N,) and (M,); Welch's interval of logs."""
     from scipy import stats
 
     if min(len(first), len(second)) < 2:
         return unknown(TOO_FEW)
-    test = stats.ttest_ind(np.asarray(first), np.asarray(second), equal_var=False)
+    first, second = np.log(first), np.log(second)
+    test = stats.ttest_ind(first, second, equal_var=False)
     value = float(np.mean(first) - np.mean(second))
-    return within(value, test.confidence_interval, len(first) + len(second), comparisons)
+    return within(value, test.confidence_interval, len(first) + len(second), comparisons).mapped(np.exp)
 
 
 def by_channels(tables: Tables) -> pd.DataFrame:
@@ -115,7 +116,7 @@ def surface_facts(tables: Tables, find: Findings) -> dict[str, object]:
         "material": material_of(learned.iloc[0]),
         "predicted": listing(better, ""),
         "worst": deviations.loc[deviations["rms"].idxmax()].to_dict(),
-        "more_counts": {name: in_words(evidence, ".1f") for name, evidence in list(by_material)[:FEW]},
+        "more": {name: in_words(evidence, ".2f") for name, evidence in list(by_material)[:FEW]},
         "nmse_of": {name: channels[name].to_dict() for name in channels.index.unique(0)[:FEW]},
     }
 

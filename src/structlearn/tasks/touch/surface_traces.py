@@ -1,7 +1,7 @@
 """Slides over surfaces, called MATERIAL_NUMBER: expected traces and deviations from them (IV.6)."""
 
 from collections import Counter
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 
 import numpy as np
 import pandas as pd
@@ -94,46 +94,72 @@ def left_out_deviations(
 ) -> tuple[pd.DataFrame, pd.DataFrame]:
     """Deviation of every trial from the traces expected from the other trials over the same material.
 
-    Returns per trial `demonstration`, `material`, `rms` in counts and `nmse` over all electrodes (1: as good
-    as their means over the trial); and the same by `channels` (the material's strong or weak ones, or one of
-    `PLACES`), with the number of these `electrodes`.
+    Returns per trial `demonstration`, `material`, `rms` in counts, `standard` (see `_standard`) and `nmse`
+    over all electrodes (1: as good as their means over the trial); and the same without `standard` by
+    `channels` (the material's strong or weak ones, or one of `PLACES`), with the number of `electrodes`.
     """
-    dt = trials[0].dt
     whole, parts = [], []
-    for material, traces in _by_material(trials, parameters).items():
+    by_material = _by_material(trials, parameters)
+    for material, held_out in _held_out(by_material, trials[0].dt, parameters).items():
+        traces = by_material[material]
         ranges = np.median([np.ptp(trace, axis=0) for trace in traces.values()], axis=0)
         electrodes, strong = np.arange(1, len(ranges) + 1), ranges > parameters.strong_counts
         channels = {"strong": strong, "weak": ~strong} | {
             name: (electrodes >= first) & (electrodes <= last) for name, (first, last) in PLACES.items()
         }
-        for name, trace in traces.items():
-            others = [trace for other, trace in traces.items() if other != name]
-            if not others:
-                continue
-            left = deviation(fit_expected_traces(others, dt, parameters.smoothing_hz), trace, dt)
-            whole.append((name, material, *_errors(left, trace)))
+        for name, left in held_out.items():
+            others = [trace for other, trace in held_out.items() if other != name]
+            rms, nmse = _errors(left, traces[name])
+            whole.append((name, material, rms, _standard(left, others), nmse))
             parts += [
-                (name, material, group, mask.sum(), *_errors(left[:, mask], trace[:, mask]))
+                (name, material, group, mask.sum(), *_errors(left[:, mask], traces[name][:, mask]))
                 for group, mask in channels.items()
                 if mask.any()
             ]
     columns = ["demonstration", "material", "rms", "nmse"]
-    table = pd.DataFrame(whole, columns=columns)
+    table = pd.DataFrame(whole, columns=[*columns[:3], "standard", "nmse"])
     return table, pd.DataFrame(parts, columns=[*columns[:2], "channels", "electrodes", *columns[2:]])
 
 
 def across_materials(trials: Sequence[Demonstration], parameters: SurfaceParameters) -> pd.DataFrame:
     """Errors of each material's expected traces on trials of the other materials.
 
-    Returns `expected` (material), `demonstration` and `material` of the trial, `rms` and `nmse`.
+    Returns `expected` (material), `demonstration` and `material` of the trial, `rms`, `standard` and `nmse`.
     """
     by_material, dt, rows = _by_material(trials, parameters), trials[0].dt, []
+    held_out = _held_out(by_material, dt, parameters)
     for expected, learned in by_material.items():
         primitive = fit_expected_traces(list(learned.values()), dt, parameters.smoothing_hz)
+        own = list(held_out[expected].values())
         for material in (other for other in by_material if other != expected):
             for name, trace in by_material[material].items():
-                rows.append((expected, name, material, *_errors(deviation(primitive, trace, dt), trace)))
-    return pd.DataFrame(rows, columns=["expected", "demonstration", "material", "rms", "nmse"])
+                left = deviation(primitive, trace, dt)
+                rms, nmse = _errors(left, trace)
+                rows.append((expected, name, material, rms, _standard(left, own), nmse))
+    columns = ["expected", "demonstration", "material", "rms", "standard", "nmse"]
+    return pd.DataFrame(rows, columns=columns)
+
+
+def _held_out(
+    by_material: Mapping[str, Mapping[str, np.ndarray]], dt: float, parameters: SurfaceParameters
+) -> dict[str, dict[str, np.ndarray]]:
+    """Deviations (T, E) of every trial from the traces of the others over its material, if there are any."""
+    found: dict[str, dict[str, np.ndarray]] = {}
+    for material, traces in by_material.items():
+        found[material] = {}
+        for name, trace in traces.items():
+            if others := [trace for other, trace in traces.items() if other != name]:
+                primitive = fit_expected_traces(others, dt, parameters.smoothing_hz)
+                found[material][name] = deviation(primitive, trace, dt)
+    return found
+
+
+def _standard(left: np.ndarray, held_out: Sequence[np.ndarray]) -> float:
+    """Rms of a deviation (T, E), each electrode relative to its rms over deviations of held-out trials."""
+    if not held_out:
+        return np.nan
+    scale = np.sqrt(np.mean([(trial**2).mean(axis=0) for trial in held_out], axis=0))
+    return float(np.sqrt(np.mean((left / scale) ** 2)))
 
 
 def trial_groups(names: Sequence[str], parameters: SurfaceParameters) -> dict[str, str]:

@@ -5,7 +5,7 @@ from typing import Literal
 
 import pandas as pd
 
-from structlearn.palette import BLACK, BLUE, GREEN, GREY, OCHRE, ORANGE, PINK, Look
+from structlearn.palette import BLUE, GREEN, GREY, OCHRE, ORANGE, Look
 
 # latent spaces and their rivals, which see the same channels
 STRUCTURED, PLAIN = "structured", "reconstruction only"
@@ -25,31 +25,12 @@ FORCE_MODELS = {
     PROCESS: SPACES[PROCESS],
 }
 
-# what is new in the test samples; a new set is always standardised by itself
+# what is new in the test samples; a new run is always standardised by itself
 NEW_BLOCKS, NEW_PRESSES, NEW_RUN = "new blocks", "new presses", "new run"
-NEW_TRIALS, NEW_MATERIAL, NEW_SET = "new trials", "new material", "new set"
-OWN_UNITS = "new material, standardised by itself"
 
 # controllers: the dissertation's, and ours that rests where it is and corrects its model
 PUBLISHED_SERVO: tuple[Literal["LL", "NG", "NJ"], ...] = ("LL", "NG", "NJ")
 ADAPTIVE = "NJ, adaptive"
-
-# sets of touches; `MAGNITUDES` are only the sizes of the changes, as published for the slides
-SLIDES, UNSCREWING, SCRAPING, SIMULATED = "slides", "unscrewing", "scraping", "simulated"
-MAGNITUDES = "simulated, magnitudes"
-# training set: the other set that it is tested on
-PARTNERS = {SLIDES: MAGNITUDES, MAGNITUDES: SLIDES, UNSCREWING: SIMULATED, SIMULATED: UNSCREWING}
-# training set, test set and what is new in the test set, in the order of tables
-TESTS = (
-    (SLIDES, SLIDES, NEW_TRIALS),
-    (SLIDES, SLIDES, NEW_MATERIAL),
-    (SLIDES, SLIDES, OWN_UNITS),
-    *((name, name, NEW_TRIALS) for name in (UNSCREWING, SIMULATED, MAGNITUDES)),
-    (MAGNITUDES, SLIDES, NEW_SET),
-    (SLIDES, MAGNITUDES, NEW_SET),
-    (SIMULATED, UNSCREWING, NEW_SET),
-    (UNSCREWING, SIMULATED, NEW_SET),
-)
 
 # trials of slides over materials
 SLIDE_GROUPS = {
@@ -57,10 +38,6 @@ SLIDE_GROUPS = {
     "left out": Look("fault of the sensor", OCHRE),
     "other material": Look("other material", ORANGE),
 }
-
-# colours of the sets whose statistics are compared; the first two are of the same task
-REFERENCE, CALIBRATED = "scraping, recorded", "scraping, simulated"
-WORLDS = {REFERENCE: BLACK, CALIBRATED: ORANGE, "unscrewing, recorded": PINK, "slides, recorded": GREEN}
 
 
 def material_of(trial: str) -> str:

@@ -1,1 +1,0 @@
-"""Simulated beside recorded touch."""
