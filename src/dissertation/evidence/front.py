@@ -11,6 +11,7 @@ from typing import Literal
 
 import numpy as np
 import pandas as pd
+from pydantic import model_validator
 
 from dissertation.evidence.claims import VERDICTS, combined
 from dissertation.evidence.forest import RECORDED, SIMULATED, Mark, Strip
@@ -60,6 +61,14 @@ class Place(Parameters):
     page: str = ""  # with its anchor, relative to the front page; empty if it is missing
     result: Literal["same", "weaker", "other data", "missing"]
     why: str = ""  # needed unless it is the same
+
+    @model_validator(mode="after")
+    def _is_explained(self) -> "Place":
+        if self.result != "same" and not self.why:
+            raise ValueError(f"{self.what}: say why it is {self.result}")
+        if bool(self.page) == (self.result == "missing"):
+            raise ValueError(f"{self.what}: needs a page unless it is missing")
+        return self
 
 
 class Card(Parameters):
