@@ -119,6 +119,13 @@ class Answer:
     verdict: str
     link: str  # to the row
 
+    @property
+    def deciding(self) -> str:
+        """The first case with the verdict, and of how many it is one."""
+        case, here, _ = next(one for one in self.cases if one[-1] == self.verdict)
+        more = f" (one of {len(self.cases)} cases)" if len(self.cases) > 1 else ""
+        return f"{case + ': ' if case else ''}{here}{more}"
+
 
 def read_front_page(path: Path) -> FrontPage:
     """Read the front page's texts.
@@ -167,11 +174,8 @@ def findings_table(page: FrontPage, claims: Mapping[str, pd.DataFrame]) -> str:
 
 
 def _in_line(answer: Answer) -> str:
-    """An answer in one line: its clearest number, and how many cases there are besides."""
-    case, here, _ = answer.cases[0]
-    more = f", {len(answer.cases)} cases" if len(answer.cases) > 1 else ""
-    where = ", ".join(filter(None, (answer.heading, case)))
-    return f"{where + ': ' if where else ''}{here}{more} (**{answer.verdict}**)"
+    """An answer in one line."""
+    return f"{answer.heading + ': ' if answer.heading else ''}{answer.deciding} **{answer.verdict}**"
 
 
 def answers_of(one: Experiment, claims: Mapping[str, pd.DataFrame]) -> list[Answer]:
@@ -223,23 +227,23 @@ def tile(one: Tile, claims: Mapping[str, pd.DataFrame]) -> tuple[str, str]:
 
 
 def forest_strips(page: FrontPage, claims: Mapping[str, pd.DataFrame]) -> list[Strip]:
-    """Strips of the forest plot: each experiment's simulated claim, with recorded claims in the same unit.
+    """Strips of the forest plot: each of the dissertation's experiments, simulated and recorded.
 
-    Recorded claims in other units, and cases with other bounds, have strips of their own.
+    Numbers in one unit with one bound are on one strip; cases with other bounds have strips of their own.
     """
     table, strips = claims["recorded"], []
-    for one in page.experiments:
+    for one in (one for its in page.chapters.values() for one in its):
         own: list[Strip] = []
         if one.simulated:
-            own += _strips(SIMULATED, one.question, rows_of(one.simulated, claims), one.printed)
+            own += _strips(SIMULATED, one.question, SIMULATED, rows_of(one.simulated, claims), one.printed)
         for claim in one.recorded:
             for heading, rows in table[table["evidence"] == claim].groupby("set", sort=False):
-                for strip in _strips(RECORDED, f"{one.question} {heading}", rows):
+                for strip in _strips(RECORDED, one.question, str(heading), rows):
                     place = next((place for place, other in enumerate(own) if _alike(other, strip)), None)
                     if place is None:
                         own.append(strip)
                     else:
-                        own[place] = replace(own[place], marks=[*own[place].marks, *strip.marks])
+                        own[place] = _joined(own[place], strip)
         strips += own
     return strips
 
@@ -248,16 +252,24 @@ def _alike(one: Strip, other: Strip) -> bool:
     return (one.unit, one.bounds, one.side) == (other.unit, other.bounds, other.side)
 
 
-def _strips(where: str, label: str, rows: pd.DataFrame, printed: Sequence[float] = ()) -> list[Strip]:
+def _joined(one: Strip, other: Strip) -> Strip:
+    labels = tuple(dict.fromkeys((*one.labels, *other.labels)))
+    return replace(one, labels=labels, marks=[*one.marks, *other.marks])
+
+
+def _strips(
+    where: str, question: str, label: str, rows: pd.DataFrame, printed: Sequence[float] = ()
+) -> list[Strip]:
     """A claim's cases with finite numbers, one strip per bound."""
     values = pd.to_numeric(rows["value"], errors="coerce")
     rows, strips = rows[np.isfinite(values) & (rows["test"] != "zero")], []
     for bound, its in rows.groupby("bound", sort=False):
         bounds = tuple(float(end) for end in str(bound).split())
         marks = [Mark(where, *map(float, ends)) for ends in its[["value", "low", "high"]].to_numpy()]
-        case = f" {its['case'].iloc[0]}" if rows["bound"].iloc[0] != rows["bound"].iloc[-1] else ""
+        words = label if len(its) == len(rows) else f"{label}, {', '.join(its['case']).lower()}"
         side = ABOVE.get(str(its["test"].iloc[0]), 0)
-        strips.append(Strip(label + case, str(its["unit"].iloc[0]), marks, bounds, side, tuple(printed)))
+        unit = str(its["unit"].iloc[0])
+        strips.append(Strip(question, (words,), unit, marks, bounds, side, tuple(printed)))
     return strips
 
 
