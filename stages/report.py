@@ -3,7 +3,7 @@
 from pathlib import Path
 
 from dissertation.evidence.claims import QUOTED
-from dissertation.evidence.forest import forest_figure
+from dissertation.evidence.forest_figures import forest_figure
 from dissertation.evidence.front import (
     findings_table,
     forest_strips,

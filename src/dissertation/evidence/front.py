@@ -14,7 +14,7 @@ import pandas as pd
 from pydantic import model_validator
 
 from dissertation.evidence.claims import VERDICTS, combined
-from dissertation.evidence.forest import RECORDED, SIMULATED, Mark, Strip
+from dissertation.evidence.forest_figures import RECORDED, SIMULATED, Mark, Strip
 from dissertation.evidence.judged_page import TEMPLATES
 from structlearn.core.artefacts import read_csv
 from structlearn.core.errors import InputError
@@ -155,7 +155,7 @@ def render_front(
         recorded={one.question: recorded_answers(one, claims["recorded"]) for one in page.experiments},
         tiles={name: [tile(one, claims) for one in card.tiles] for name, card in page.cards.items()},
         counts=counts,
-        totals={word: sum(its[word] for its in counts.values()) for word in VERDICTS},
+        totals=_counts(pd.concat(list(claims.values()))),
         vocabulary=VERDICTS,
         tasks=tasks,
         forest=forest,
@@ -283,7 +283,7 @@ def read_claims_of(report: str, folder: Path) -> pd.DataFrame:
 
 
 def _counts(table: pd.DataFrame) -> dict[str, int]:
-    """Number of distinct statements of the dissertation with each verdict: of several sets, the worst."""
+    """Number of distinct statements of the dissertation with each verdict, the worst of several data."""
     its = table[table["by"] == "published"]
     worst = its.groupby("statement", sort=False)["verdict_of_all"].agg(lambda words: combined(list(words)))
     return {word: int((worst == word).sum()) for word in VERDICTS}
