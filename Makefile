@@ -41,15 +41,15 @@ lint: $(INSTALLED)  ## check style and types
 	$(BIN)/mypy
 
 # The methods on public recordings, in a project of their own, data/recorded; DATA holds some of the folders that the
-# README names. The sets share no stage, so those with the first 32 stages run beside the others. Pages are copied here,
+# README names. The sets share no stage, so two run side by side. Pages are copied here,
 # and results that other pages quote: the front page shows them at once, testbed pages when they are next made.
 RECORDED := data/recorded
 QUOTED := reports/quoted/recorded
 recorded: $(INSTALLED)  ## run the pipeline on recorded data: make recorded DATA=FOLDER
 	$(IN_ENVIRONMENT) dvc repro --quiet scraping_expected_traces
 	export RECORDED_DATA="$(abspath $(DATA))" $(IN_ENVIRONMENT) && python -m dissertation.recorded.sets_project && cd $(RECORDED) && \
-	  targets=$$(python -c "from structlearn.tasks.task_entry import targets; print(*targets())") && \
-	  xargs --max-procs=2 --max-args=32 dvc --wait-for-lock repro --keep-going --single-item <<< "$$targets"
+	  set -o pipefail && python -c "from structlearn.tasks.task_entry import read_entries, targets; [print(*targets(name)) for name in read_entries()]" | \
+	  xargs --max-procs=2 --max-lines=1 dvc --wait-for-lock repro --keep-going --single-item
 	cd $(RECORDED) && $(IN_ENVIRONMENT) dvc repro --single-item recorded_report
 	mkdir -p $(QUOTED) reports/tasks
 	cp -r $(RECORDED)/reports/recorded reports

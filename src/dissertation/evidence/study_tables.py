@@ -214,9 +214,16 @@ def studies_page(descriptions: Mapping[str, Description]) -> str:
     names = [name for name in sorted(descriptions) if (RESULTS / name / "study.json").exists()]
     found = {name: stored_study(RESULTS / name) for name in names}
     told = {name: provenance(study) for name, study in found.items()}
-    facts = {"descriptions": descriptions, "studies": found, "provenance": told}
+    moved = {name: moved_parameters(name, descriptions[name], study) for name, study in found.items()}
+    facts = {"descriptions": descriptions, "studies": found, "provenance": told, "moved": moved}
     document = JudgedDocument("studies.html.jinja", TEMPLATES, facts=facts, simulated=True)
     return render(document, figures={})
+
+
+def moved_parameters(name: str, description: Description, study: Study, root: Path = Path()) -> list[str]:
+    """Keys of `params.yaml` whose values are not those that a study was made with."""
+    now, then = made_with(name, description, root), study.made.parameters
+    return sorted(key for key in now.keys() | then.keys() if now.get(key) != then.get(key))
 
 
 def joined(
