@@ -89,11 +89,11 @@ REDUCED_TASKS = {  # entries of public sets
             "load": {"batch": 200, "iterations": 5},
         },
         "kuka_lwr4": {"iterations": 5, "draws": 100},
+        "kuka_lwr4_differing": {"iterations": 5, "draws": 100},
     },
     "dissertation.recorded.parts": {"delan_characters": {"seeds": 2, "splits": 2, "epochs": 2}},
     "dissertation.recorded.transfer": {
         "biotac": {
-            "folds": 2,
             "simulated_repeats": 1,
             "geodesics": {"bin_size": 300, "bins": 1, "bridge_mm": 8.0},
             "spaces": SPACES,

@@ -40,7 +40,7 @@ KIND = ("parameters", "recordings", "learning", "page", "view")
 
 ROOMS = {
     "rerun": ("viewer", "recordings", "view"),
-    "matplotlib": ("reporting", "page", "section", "figures", "forest"),
+    "matplotlib": ("reporting", "page", "section", "figures"),
     "pybullet": ("simulation", "world"),
     "pinocchio": ("simulation", "world", "rigid_body", "readers"),
     "torch": ("networks", "feedback", "rigid_body", "tactile"),
