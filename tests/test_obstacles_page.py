@@ -147,6 +147,13 @@ def study_of(results, offset=100, values=None):
     return Study(table.assign(person=table["person"] + offset), provenance)
 
 
+def find_among_many(results):
+    """Findings with a study of many more people like these: rates have narrow intervals then."""
+    study = study_of(results)
+    people = [study.results.assign(person=study.results["person"] + 100 * more) for more in range(20)]
+    return findings(population(results, Study(pd.concat(people), study.made)))
+
+
 def test_the_table_of_results_has_sums_and_extremes_over_reaches(results):
     table = Results(obstacle_results(**results), "person", POPULATION.test)
     keys = {"protocol": "trained", "model": "network", "learned_from": "sphere", "rules": PUBLISHED}
@@ -230,10 +237,7 @@ def test_hits_are_counted_by_person(results):
 
 def test_the_text_s_form_decides_what_the_text_says_and_ours_what_this_project_says(results):
     def found(results):
-        """Verdicts with a study of many more people like these: rates have narrow intervals then."""
-        study = study_of(results)
-        people = [study.results.assign(person=study.results["person"] + 100 * more) for more in range(20)]
-        return verdicts(findings(population(results, Study(pd.concat(people), study.made))))
+        return verdicts(find_among_many(results))
 
     clean, ours = with_scores(results, hit=False), ["hits_per_shape", "hits_unseen"]
     never = ["hits_per_setting", "single_hits_per_shape"]

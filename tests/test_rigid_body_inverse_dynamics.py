@@ -7,7 +7,7 @@ import torch
 from newton_euler import inverse_dynamics
 from rigid_body_robots import ROBOTS, pendulum, pinocchio_torques, robot, states
 
-from dissertation.dynamics.page.findings import agreement_with_pinocchio
+from dissertation.dynamics.protocol.truth import agreement_with_pinocchio
 from dissertation.simulation import compiled_chain
 from structlearn.core.metrics import nmse
 from structlearn.rigid_body import compiled_dynamics, friction

@@ -11,7 +11,7 @@ from pydantic import ValidationError
 from rigid_body_robots import robot as rigid_body_robot
 
 from dissertation.dynamics.protocol.tracking import Candidate, Testbed, known, learned, track
-from dissertation.dynamics.protocol.trainings import OURS, PUBLISHED
+from dissertation.dynamics.protocol.trainings import CHOSEN, PLAIN
 from dissertation.dynamics.world.arm_motion import (
     ArmMotionParameters,
     ReachingParameters,
@@ -178,7 +178,7 @@ def testbed(robot):
 @pytest.fixture(scope="module")
 def tables(testbed, robot):
     broken = compiled_dynamics.inverse_dynamics(robot.tree, robot.inertias, np.full((4, 7), np.nan))
-    return track(testbed, [*known(testbed), Candidate("broken", PUBLISHED, (1,), broken)])
+    return track(testbed, [*known(testbed), Candidate("broken", PLAIN, (1,), broken)])
 
 
 def test_the_truth_follows_sines_and_reaches(tables):
@@ -200,7 +200,7 @@ def test_a_model_that_fails_is_told_not_dropped(tables):
 def test_scores_are_those_of_the_definition(testbed, robot):
     heavy = replace(robot.inertias, mass=1.2 * robot.inertias.mass)
     wrong = compiled_dynamics.inverse_dynamics(robot.tree, heavy)
-    scores, paths = track(testbed, [Candidate("wrong", PUBLISHED, (0,), wrong)])
+    scores, paths = track(testbed, [Candidate("wrong", PLAIN, (0,), wrong)])
     reach = scores.query("task == 'reach'").iloc[0]
     path = paths.query("task == 'reach'")
     tool, wanted = (path[[f"{name}_{axis}" for axis in "xyz"]].to_numpy() for name in ("tool", "wanted"))
@@ -211,7 +211,7 @@ def test_scores_are_those_of_the_definition(testbed, robot):
 def test_only_models_that_met_the_criterion_are_tracked_with(testbed):
     """A model is that of its row, whatever rows are left out."""
     robot = testbed.arm.robot
-    masses = {form: robot.inertias.mass * factor for form, factor in ((PUBLISHED, 1.0), (OURS, 2.0))}
+    masses = {form: robot.inertias.mass * factor for form, factor in ((PLAIN, 1.0), (CHOSEN, 2.0))}
 
     def read(form, name):
         free = [
@@ -221,12 +221,12 @@ def test_only_models_that_met_the_criterion_are_tracked_with(testbed):
         return DynamicsModels(name, robot.tree.names, (), (), state)
 
     keys = ["model", "form", "seed", "met"]
-    met = {(PUBLISHED, 0): False, (PUBLISHED, 1): True, (OURS, 0): True, (OURS, 1): False}
+    met = {(PLAIN, 0): False, (PLAIN, 1): True, (CHOSEN, 0): True, (CHOSEN, 1): False}
     rows = [("cov", *which, good) for which, good in met.items()]
     found = learned(testbed, pd.DataFrame(rows, columns=keys), read)
     assert [(one.name, one.form, one.seeds) for one in found] == [
-        ("cov", PUBLISHED, (1,)),
-        ("cov", OURS, (0,)),
+        ("cov", PLAIN, (1,)),
+        ("cov", CHOSEN, (0,)),
     ]
     still = np.zeros(7)
     for candidate, factor in zip(found, (1.5, 2.0), strict=True):

@@ -164,18 +164,13 @@ def render_front(
 
 
 def findings_table(page: FrontPage, claims: Mapping[str, pd.DataFrame]) -> str:
-    """Experiments as a Markdown table, for the README."""
-    lines = ["| question | published | simulated | recorded |", "|---|---|---|---|"]
-    for one in page.experiments:
+    """The dissertation's experiments with their verdicts as a Markdown table, for the README."""
+    lines = ["| question | simulated | recorded |", "|---|---|---|"]
+    for one in (one for its in page.chapters.values() for one in its):
         cells = (answers_of(one, claims), recorded_answers(one, claims["recorded"]))
-        words = ["<br>".join(_in_line(answer) for answer in answers) for answers in cells]
-        lines.append(f"| {one.question} | {one.published or 'our aim'} | {words[0]} | {words[1]} |")
+        words = [", ".join(answer.verdict for answer in answers) for answers in cells]
+        lines.append(f"| {one.question} | {words[0]} | {words[1]} |")
     return "\n".join(lines) + "\n"
-
-
-def _in_line(answer: Answer) -> str:
-    """An answer in one line."""
-    return f"{answer.heading + ': ' if answer.heading else ''}{answer.deciding} **{answer.verdict}**"
 
 
 def answers_of(one: Experiment, claims: Mapping[str, pd.DataFrame]) -> list[Answer]:

@@ -114,10 +114,8 @@ class Results:
         if rows.duplicated([self.who, *columns]).any():
             raise ValueError(f"several values of {quantity} for one {self.who} and {columns}")
         wide = rows.pivot_table("value", self.who, columns)
-        order = rows[columns].drop_duplicates()
-        return wide[
-            list(order.itertuples(index=False, name=None)) if len(columns) > 1 else list(order[columns[0]])
-        ]
+        order = pd.MultiIndex.from_frame(rows[columns].drop_duplicates())
+        return wide.reindex(columns=order if len(columns) > 1 else order.get_level_values(0))
 
     def has(self, quantity: str) -> bool:
         """Whether anybody of the population has this quantity."""
