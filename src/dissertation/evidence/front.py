@@ -260,7 +260,9 @@ def _strips(
     rows, strips = rows[np.isfinite(values) & (rows["test"] != "zero")], []
     for bound, its in rows.groupby("bound", sort=False):
         bounds = tuple(float(end) for end in str(bound).split())
-        marks = [Mark(where, *map(float, ends)) for ends in its[["value", "low", "high"]].to_numpy()]
+        ends = its[["value", "low", "high"]].apply(pd.to_numeric, errors="coerce")
+        ends = ends.fillna({"low": -np.inf, "high": np.inf})  # of one sample
+        marks = [Mark(where, *row) for row in ends.to_numpy(float)]
         words = label if len(its) == len(rows) else f"{label}, {', '.join(its['case']).lower()}"
         side = ABOVE.get(str(its["test"].iloc[0]), 0)
         unit = str(its["unit"].iloc[0])
