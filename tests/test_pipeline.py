@@ -85,7 +85,7 @@ def test_pages_are_short_and_name_only_files_that_are_there(reduced_project, tes
     linked = set()
     for page in folder.glob("*.html"):
         text = page.read_text()
-        assert words_in_view(text) <= (1500 if testbed else 1000)
+        assert words_in_view(text) <= (1500 if testbed else 2500)  # the front page answers every experiment
         assert set(re.findall(r"dvc repro ([a-z_]+)<", text)) <= set(stages)
         assert not re.search(r'src="(https?:)?//|<link\b', text)
         assert not re.search(
@@ -133,10 +133,11 @@ EDITS = {
     "src/dissertation/obstacles/page/obstacles.html.jinja": {"obstacles_report"},
     "src/structlearn/policy_search/pi2.py": {
         *("scraping_refine", "scraping_evaluate_refinement", "scraping_compare_search"),
-        *("scraping_view", "scraping_report", "scraping_loop"),
+        *("scraping_results", "scraping_view", "scraping_report", "scraping_loop"),
     },
     "params.yaml": {
-        *("scraping_segment", "scraping_sweep", "scraping_write_skill", "scraping_view", "engines"),
+        *("scraping_segment", "scraping_sweep", "scraping_write_skill", "scraping_results", "scraping_view"),
+        "engines",
         *(f"{testbed}_{shown}" for testbed in TESTBEDS for shown in ("report", "view")),
     },
 }
