@@ -85,7 +85,7 @@ def test_pages_are_short_and_name_only_files_that_are_there(reduced_project, tes
     linked = set()
     for page in folder.glob("*.html"):
         text = page.read_text()
-        assert words_in_view(text) <= (1500 if testbed else 2500)  # the front page answers every experiment
+        assert words_in_view(text) <= (1500 if testbed else 1000)
         assert set(re.findall(r"dvc repro ([a-z_]+)<", text)) <= set(stages)
         assert not re.search(r'src="(https?:)?//|<link\b', text)
         assert not re.search(

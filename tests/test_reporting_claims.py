@@ -108,6 +108,8 @@ def test_a_row_says_why_it_is_not_tested():
 def test_zero_means_none_at_all():
     found = (exact_count(0, 63), exact_count(1, 63), UNKNOWN)
     assert [claim("zero").verdict(one) for one in found] == [YES, NO, NOT_TESTED]
+    one_person = replace(exact_count(3, 63), low=-np.inf, high=np.inf)
+    assert claim("zero").verdict(one_person) == UNDECIDED
 
 
 @given(st.lists(st.sampled_from(VERDICTS), min_size=1, max_size=6))

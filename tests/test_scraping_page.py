@@ -158,14 +158,17 @@ def test_each_rule_of_stopping_has_its_own_rows():
     assert {by for name, by in claims.items() if name.endswith("_validated")} == {"ours"}
 
 
-def test_no_two_rows_rest_on_the_same_numbers(root):
-    """A statement may be a case of another, such as that of two neighbours in an order of four."""
+def test_no_two_cases_rest_on_the_same_number(root):
+    """A statement may be a case of another, as that of two neighbours in an order of four: a case alike."""
     study = stored_study(root / "reports/studies" / STUDY)
     for page in Made(stored(), study).pages.values():
-        shown = [tuple(here for _, here, n, _ in one.cases if n == 24) for one in page.judged]
-        shown = [numbers for numbers in shown if numbers]
-        assert shown
-        assert len(set(shown)) == len(shown)
+        cases: dict[tuple[float, ...], set[str]] = {}
+        for one in page.judged:
+            for (case, *_), found in zip(one.cases, one.found, strict=True):
+                if found.n == 24:
+                    cases.setdefault((found.value, found.low, found.high), set()).add(case)
+        assert cases
+        assert [names for names in cases.values() if len(names) > 1] == []
 
 
 def test_one_person_decides_nothing():

@@ -54,7 +54,9 @@ TESTS: Mapping[str, Callable[[Evidence, Any], str]] = {
         bound[0] <= found.low and found.high <= bound[1],
         found.refuting[1] < bound[0] or found.refuting[0] > bound[1],
     ),
-    "zero": lambda found, bound: _decided(found.low == found.high == 0.0, found.value != 0.0),
+    "zero": lambda found, bound: _decided(
+        found.low == found.high == 0.0, found.refuting[0] > 0.0 or found.refuting[1] < 0.0
+    ),
 }
 """Tests by name: verdict on a number with a known interval, given the claim's bound."""
 
@@ -92,6 +94,7 @@ class Claim(Parameters):
     format: str = ".2f"  # of numbers; `percent` for ratios, `share` for rates, `count` for `3 of 63`
     unit: str = ""  # of numbers, with the direction of a difference or ratio (`ms less`); else the finding's
     note: str = ""  # what else a reader must know
+    fresh: str = ""  # who, not yet run, would judge a rule that was stated after the study's result was seen
     by_construction: str = ""  # why no measurement could refute it
     simulated: Counterpart | None = None  # for claims about recorded data
 

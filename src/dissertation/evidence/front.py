@@ -156,6 +156,7 @@ def render_front(
         tiles={name: [tile(one, claims) for one in card.tiles] for name, card in page.cards.items()},
         counts=counts,
         totals=_counts(pd.concat(list(claims.values()))),
+        of_all=lambda answers, rows: [answer for one in rows for answer in answers[one.question]],
         vocabulary=VERDICTS,
         tasks=tasks,
         forest=forest,

@@ -67,7 +67,6 @@ class Description(Parameters):
     question: str
     seeds: list[str] = Field(min_length=1)  # parameters set to a cell's seeds, by dotted key
     stages: list[str] = Field(min_length=1)  # scripts of the testbed, in order; the last is `results`
-    takes: tuple[str, ...] = ()  # pipeline outputs that these stages read unchanged
     variants: dict[str, Variant] = Field(default_factory=dict)  # besides the pipeline's, `OURS`
 
 
@@ -113,7 +112,7 @@ def run_cell(name: str, description: Description, cell: str, root: Path) -> pd.D
     made = []
     with tempfile.TemporaryDirectory() as temporary:
         folder = Path(temporary)
-        for linked in ("stages", "dvc.yaml", "dvc.lock", "reports/quoted", *description.takes):
+        for linked in ("stages", "dvc.yaml", "dvc.lock", "reports/quoted"):
             (folder / linked).parent.mkdir(parents=True, exist_ok=True)
             (folder / linked).symlink_to(root / linked)
         for variant, its in variants.items():

@@ -24,10 +24,6 @@ from structlearn.tactile.touch_dataset import OTHER, ROTATION, SPLITS, TRANSLATI
 
 HERE = Path(__file__).parent
 PUBLISHED = read_values(HERE / "published.yaml")  # numbers as the dissertation prints them
-SEEN = (
-    "The rule was stated after the study's result had been seen. People 25 to 36, whom no study has run, "
-    "would judge it afresh"
-)
 
 MOTIONS = {"rotation": ROTATION, "translation": TRANSLATION, "any motion": OTHER}
 CONTROLLER = list(controller_keys(names.OURS))
@@ -57,7 +53,6 @@ def document(shown: Shown, find: Findings, study: Study | None) -> JudgedDocumen
         "chosen": shown.chosen,
         "names": names,
         "found": find,
-        "seen": SEEN,
         "untested": read_values(HERE / "untested.yaml"),
         "tested": _test_chains(shown),
         "test_chain": TEST_CHAIN,
