@@ -26,6 +26,7 @@ endif
 	$(IN_ENVIRONMENT) dvc repro
 	@$(BIN)/python -m structlearn.core.stage
 	@$(TABLE_OF_README)
+	@$(BIN)/python -m dissertation.evidence.committed || true
 	@echo "reports/index.html is up to date"
 
 stages-of-%:
@@ -103,9 +104,9 @@ studies-check: $(INSTALLED)  ## repeat one cell of each study and compare it wit
 other-processor: $(INSTALLED)  ## run the pipeline with the instruction set of an older processor and compare verdicts
 	$(IN_ENVIRONMENT) python benchmarks/other_processor.py
 
-# Verdicts in the working tree that differ from the last commit.
-verdicts: $(INSTALLED)  ## list verdicts that differ from the last commit
-	$(BIN)/python -m dissertation.evidence.verdicts
+# Verdicts and files of the pipeline that differ from the last commit.
+verdicts: $(INSTALLED)  ## list verdicts and files that differ from the last commit
+	$(BIN)/python -m dissertation.evidence.committed
 
 # Damage N files of every kind and read them: the same data, or one line. Tests do some hundred.
 faults: N ?= 10000

@@ -55,7 +55,7 @@ SLOW = (
 STARTS = {
     "pinocchio": "scraping/record_nominal scraping/expected_traces scraping/record_corrections "
     "scraping/evaluate_feedback scraping/refine scraping/evaluate_refinement scraping/compare_search "
-    "scraping/time_controller dynamics/record_motion tasks/check engines dynamics/train "
+    "dynamics/record_motion tasks/check engines dynamics/train "
     "dynamics/online dynamics/track dynamics/view scraping/report dynamics/report",
     "pybullet": "engines obstacles/report servoing/report scraping/loop scraping/report dynamics/report",
     "torch": "scraping/train_feedback scraping/compare_models obstacles/train servoing/train_latent "

@@ -121,8 +121,7 @@ HOLDS_NOTHING_OUT = {
     "puts into one file what was learned": "tasks/skill scraping/write_skill",
     "executes or unrolls": "tasks/check scraping/evaluate_feedback scraping/evaluate_refinement "
     "obstacles/evaluate",
-    "measures times or states results": "scraping/time_controller dynamics/results scraping/results "
-    "obstacles/results servoing/results",
+    "states results": "dynamics/results scraping/results obstacles/results servoing/results",
     "traces of all runs that it is given; the further ones go to other files": "scraping/expected_traces",
     "makes samples, each of one demonstration": "scraping/coupling_dataset servoing/touch_dataset",
     "searches by trial, on rollouts of its own": "scraping/compare_search",

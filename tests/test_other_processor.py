@@ -1,5 +1,6 @@
 """Verdicts of two processors: other digits are no other verdict, undecided is none either."""
 
+import shutil
 import subprocess
 from dataclasses import replace
 
@@ -7,6 +8,7 @@ import pandas as pd
 import pytest
 
 from dissertation.evidence.claims import claims_table, judge, read_claims
+from dissertation.evidence.committed import main
 from dissertation.evidence.verdicts import (
     DIGITS,
     FLIPPED,
@@ -15,7 +17,6 @@ from dissertation.evidence.verdicts import (
     SAME,
     changes,
     compared,
-    main,
     other_processor_page,
 )
 from structlearn.reporting.evidence import Evidence
@@ -82,26 +83,74 @@ def test_rows_are_held_against_their_likes_and_changed_words_are_named_one_by_on
     assert set(table["outcome"]) == {SAME}
 
 
-def test_verdicts_of_the_working_tree_are_held_against_the_commit(tmp_path, monkeypatch, capsys):
-    """Other digits are no news; another word is, and so is a row that is gone."""
+LOCK = """stages:
+  toy_view:
+    outs:
+    - path: reports/rerun/toy
+      hash: md5
+      md5: aa
+  toy_report:
+    outs:
+    - path: reports/toy/tables
+      md5: bb
+"""
 
-    def printed():
-        main()
-        return capsys.readouterr().out.splitlines()
 
+@pytest.fixture
+def project(tmp_path, monkeypatch):
+    """A project of one stage, committed, in the working directory."""
     monkeypatch.chdir(tmp_path)
-    file = tmp_path / "reports/toy/tables/claims.csv"
-    file.parent.mkdir(parents=True)
-    HERE.to_csv(file, index=False)
+    tables = tmp_path / "reports/toy/tables"
+    tables.mkdir(parents=True)
+    HERE.to_csv(tables / "claims.csv", index=False)
+    (tmp_path / "dvc.yaml").write_text("stages: {toy: {outs: [{reports/toy/tables: {cache: false}}]}}")
+    (tmp_path / "dvc.lock").write_text(LOCK)
+    (tmp_path / "README.md").write_text("")
     git = ["git", "-c", "user.name=a", "-c", "user.email=a@b", "-c", "commit.gpgsign=false"]
     for words in (["init", "--quiet"], ["add", "."], ["commit", "--quiet", "--message", "tables"]):
         subprocess.run([*git, *words], check=True)
-    capsys.readouterr()
-    assert printed() == ["no verdict changed"]
-    HERE.assign(here=["1.1", "2.1", "3.1", "4.1"]).to_csv(file, index=False)
-    assert printed() == ["no verdict changed"]
+    return tmp_path
+
+
+def printed(capsys) -> list[str]:
+    main()
+    return capsys.readouterr().out.splitlines()
+
+
+def test_what_the_pipeline_made_is_as_committed_or_named(project, capsys):
+    """A verdict that changed and a row that is gone are printed; other digits count as a row that differs."""
+    file = project / "reports/toy/tables/claims.csv"
+    assert printed(capsys) == ["as committed: 4 of 4 rows, 3 of 3 files"]
+    (project / "src.py").write_text("x = 1")  # written by no stage
+    HERE.assign(here=["1.1", "2.0", "3", "4"]).to_csv(file, index=False)
+    assert printed(capsys) == [
+        "no verdict changed",
+        "differs from the last commit: reports/toy/tables/claims.csv",
+        "as committed: 3 of 4 rows, 2 of 3 files",
+    ]
     HERE.assign(verdict=["undecided", "yes", "no", "yes"])[:3].to_csv(file, index=False)
-    assert printed() == [
+    (file.parent / "more.csv").write_text("a new table")
+    assert printed(capsys) == [
         "toy: a: yes -> undecided (1.0 -> 1.0)",
         "toy: c: y: yes -> no such row (4 -> no such row)",
+        "differs from the last commit: reports/toy/tables/claims.csv",
+        "differs from the last commit: reports/toy/tables/more.csv",
+        "as committed: 2 of 4 rows, 2 of 4 files",
     ]
+
+
+def test_only_recordings_may_differ_in_the_lock(project, capsys):
+    lock = project / "dvc.lock"
+    lock.write_text(LOCK.replace("md5: aa", "md5: a1"))
+    assert printed(capsys) == ["as committed: 4 of 4 rows, 3 of 3 files"]
+    lock.write_text(LOCK.replace("md5: bb", "md5: b1"))
+    assert printed(capsys)[-2:] == [
+        "differs from the last commit: dvc.lock",
+        "as committed: 4 of 4 rows, 2 of 3 files",
+    ]
+
+
+def test_without_a_commit_there_is_nothing_to_compare_with(project):
+    shutil.rmtree(project / ".git")
+    with pytest.raises(SystemExit, match=r"nothing to compare with: .*not a git repository"):
+        main()

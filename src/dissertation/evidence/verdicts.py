@@ -1,18 +1,11 @@
 """Compare the verdicts of two runs: of the working tree and a commit, or of two processors.
 
-    python -m dissertation.evidence.verdicts
-
 Libraries choose kernels by processor, so sums round differently, and results of training and simulation
 diverge. What matters is whether a verdict changes; it may at most become undecided. Rows that quote a study
-are the same on both sides and are counted separately. The command prints one line per row of
-`reports/*/tables/claims.csv` whose verdict differs from the last commit's.
+are the same on both sides and are counted separately.
 """
 
-import subprocess
-import sys
 from collections.abc import Mapping
-from io import StringIO
-from pathlib import Path
 
 import numpy as np
 import pandas as pd
@@ -79,39 +72,3 @@ def _rows(tables: Mapping[str, pd.DataFrame], name: str) -> pd.DataFrame:
     rows = rows.astype(object).fillna(dict.fromkeys(named, ""))
     rows["again"] = rows.groupby(KEYS).cumcount()  # numbers rows with equal keys
     return rows.rename(columns={"here": name, "verdict": f"verdict_{name}", "study": f"study_{name}"})
-
-
-TABLES = "reports/*/tables/claims.csv"
-
-
-def main() -> None:
-    """Print the verdicts that changed since the last commit."""
-    try:
-        lines = changes(compared(committed(), written()))
-    except subprocess.CalledProcessError as error:
-        sys.exit(f"error: {error.stderr.strip()}")
-    print(*(lines or ["no verdict changed"]), sep="\n")
-
-
-def written() -> dict[str, pd.DataFrame]:
-    """Claims tables of the working tree, by testbed."""
-    return {path.parts[1]: _table(path.read_text(encoding="utf-8")) for path in sorted(Path().glob(TABLES))}
-
-
-def committed(commit: str = "HEAD") -> dict[str, pd.DataFrame]:
-    """Claims tables of a commit, by testbed. Raises CalledProcessError: there is no such commit."""
-    found = [Path(name) for name in _git("ls-tree", "-r", "--name-only", commit, "reports").splitlines()]
-    tables = [path for path in found if path.match(TABLES)]
-    return {path.parts[1]: _table(_git("show", f"{commit}:./{path.as_posix()}")) for path in tables}
-
-
-def _table(text: str) -> pd.DataFrame:
-    return pd.read_csv(StringIO(text), dtype=str, keep_default_na=False)
-
-
-def _git(*words: str) -> str:
-    return subprocess.run(["git", *words], capture_output=True, text=True, check=True).stdout
-
-
-if __name__ == "__main__":
-    main()

@@ -7,14 +7,13 @@ Templates call `{% call section("Heading") %}`, `{{ figure("name", "Caption.", "
 A project with more to say on every page extends `Document`, `PageHelpers` and that template.
 
 A page needs no network and no script; its figures, tables and recordings are files beside it. Equal contents
-at one commit give equal bytes: there are no wall times, and the only date is that of the data.
+from the same sources give equal bytes: there are no wall times and no dates.
 """
 
 import re
 import subprocess
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from datetime import UTC, datetime
 from functools import lru_cache
 from pathlib import Path
 from typing import Any
@@ -90,7 +89,6 @@ class Provenance:
     """Provenance of a page, for its footer."""
 
     commit: str
-    date: str = ""  # of the newest data, e.g. `2026-11-23`
     command: str = ""
 
 
@@ -155,9 +153,8 @@ class PageHelpers:
 
     def _provenance(self) -> Provenance:
         document = self._document
-        paths = [Path(source.path) for source in document.sources.values()]
         command = document.command or (f"dvc repro {document.stage}" if document.stage else "")
-        return Provenance(source_commit(root=Path(document.clone)), date_of(paths), command)
+        return Provenance(source_commit(root=Path(document.clone)), command)
 
     def _sources(self, names: str) -> list[Source]:
         return [self._document.sources[name] for name in names.split()]
@@ -203,18 +200,13 @@ def environment(*packages: str) -> Environment:
     return made
 
 
-def date_of(paths: Iterable[Path]) -> str:
-    """Date of the newest file among files and folders, e.g. `2026-11-23`; empty if there are none."""
-    files = [file for path in paths for file in (path.rglob("*") if path.is_dir() else [path])]
-    times = [file.stat().st_mtime for file in files if file.is_file()]
-    return f"{datetime.fromtimestamp(max(times), UTC):%Y-%m-%d}" if times else ""
-
-
 def source_commit(folders: Iterable[str] = ("src", "stages"), root: Path = Path(".")) -> str:
-    """Commit of the source, e.g. `b9b799a`, or `b9b799a+changes` if folders differ from it (locks aside).
+    """Commit that last changed the sources, e.g. `b9b799a1`, with `+changes` if folders differ from it.
 
+    A commit of results alone is not named, so a page made again after it is the same. Locks do not count.
     Returns `UNKNOWN_COMMIT` without git or without a repository of this project.
     """
+    sources = [*folders, ":(exclude)*.lock"]
 
     def git(*arguments: str) -> str | None:
         command = ["git", "-C", str(root), *arguments]
@@ -223,11 +215,12 @@ def source_commit(folders: Iterable[str] = ("src", "stages"), root: Path = Path(
         except (OSError, subprocess.CalledProcessError):
             return None
 
-    commit = git("rev-parse", "--short", "HEAD")
-    if not commit or git("rev-parse", "--show-prefix") != "":  # a repository around this project
+    if git("rev-parse", "--show-prefix") != "":  # a repository around this project, or none
         return UNKNOWN_COMMIT
-    changed = git("status", "--porcelain", "--", *folders, ":(exclude)*.lock")
-    return f"{commit}+changes" if changed else commit
+    commit = git("log", "-1", "--format=%H", "--", *sources)
+    if not commit:
+        return UNKNOWN_COMMIT
+    return f"{commit[:8]}+changes" if git("status", "--porcelain", "--", *sources) else commit[:8]
 
 
 def anchor(heading: str) -> str:

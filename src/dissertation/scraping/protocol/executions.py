@@ -4,7 +4,6 @@ What varies between runs of a real set-up is drawn from each run's own seed, so 
 bit for bit, whatever the number of processes.
 """
 
-import time
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
@@ -12,7 +11,6 @@ from pathlib import Path
 
 import numpy as np
 import pandas as pd
-from pydantic import Field
 
 from dissertation.scraping.files import ScrapingFiles, read_datasets, read_expected
 from dissertation.scraping.protocol import execution_scores
@@ -22,10 +20,8 @@ from dissertation.scraping.world.execution import Engine, execute
 from dissertation.scraping.world.testbed import TestbedParameters, recorded_run, run_conditions
 from dissertation.simulation.fingers import FingerPair
 from structlearn.core import quaternion
-from structlearn.core.artefacts import Metrics
 from structlearn.core.errors import InputError
 from structlearn.core.parallel import parallel_map
-from structlearn.core.params import Parameters
 from structlearn.feedback.coupling_dataset import CouplingDataset
 from structlearn.feedback.coupling_model import CouplingModel
 from structlearn.feedback.coupling_targets import SupervisionParameters
@@ -189,46 +185,3 @@ def evaluate(
         scores.append(execution_scores.scores(model, runs, names, bench.nominal, own))
         traces.append(execution_scores.traces(model, runs, names, networks, skill.expected, own))
     return pd.concat(scores, ignore_index=True), pd.concat(traces, ignore_index=True)
-
-
-WARM_UP_RUNS = 1  # runs that are not counted: the first compiles or loads compiled code
-STANDARD_RUN_S = 10.0  # s of movement to which the cost of a run is scaled
-
-
-class TimingParameters(Parameters):
-    """Timing of the controller and of simulated runs."""
-
-    controller_hz: float = Field(gt=0)
-    ticks: int = Field(ge=100)
-    runs: int = Field(ge=1)
-
-
-def controller_latency(skill: ReactiveSkill, parameters: TimingParameters) -> Metrics:
-    """Time controller ticks with feedback: `controller_tick_us_median`, `..._p99`, `..._max`."""
-    controller, start = Controller(skill, parameters.controller_hz), default_start(skill.primitives)
-    samples = np.random.default_rng(0).normal(0.0, 10.0, (1000, skill.channels))
-    microseconds = np.zeros(parameters.ticks)
-    for k in range(parameters.ticks):
-        if k == 0 or controller.finished:
-            controller.start(start.position, start.orientation)
-        sample = samples[k % len(samples)]
-        begin = time.perf_counter()
-        controller.tick(sample)
-        microseconds[k] = 1e6 * (time.perf_counter() - begin)
-    return {
-        "controller_tick_us_median": float(np.median(microseconds)),
-        "controller_tick_us_p99": float(np.percentile(microseconds, 99)),
-        "controller_tick_us_max": float(microseconds.max()),
-    }
-
-
-def run_cost(skill: ReactiveSkill, testbed: TestbedParameters, parameters: TimingParameters) -> Metrics:
-    """`simulated_run_cpu_s`: median CPU time in s of runs with feedback, per `STANDARD_RUN_S` of movement."""
-    costs = []
-    for index, run in enumerate(evaluation_runs([10.0], WARM_UP_RUNS + parameters.runs, feedback=True)):
-        begin = time.process_time()
-        recording = execute_run(run, index, skill, testbed)
-        spent = time.process_time() - begin
-        stamps = recording.streams[0].stamps
-        costs.append(spent * STANDARD_RUN_S / (1e-9 * float(stamps[-1] - stamps[0])))
-    return {"simulated_run_cpu_s": float(np.median(costs[WARM_UP_RUNS:]))}
