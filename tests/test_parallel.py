@@ -15,7 +15,7 @@ import pytest
 from distributed import Client, LocalCluster
 from threadpoolctl import threadpool_limits
 
-from structlearn.core import parallel
+from structlearn.core import parallel, processor
 from structlearn.core.errors import InputError
 from structlearn.core.parallel import parallel_map
 
@@ -218,29 +218,12 @@ run(lambda: parallel.parallel_map(parallel_work.endless, sys.argv[1:], "work"))
 )
 def test_a_cluster_that_ends_during_the_work_is_one_line(tmp_path, killed, said):
     """Dask would wait for other workers without end."""
-    address = f"tcp://127.0.0.1:{unused_port()}"
     (tmp_path / "work.py").write_text(CLUSTER)
-    environment = os.environ | {
-        "PYTHONPATH": str(Path(work.__file__).parent),
-        "STRUCTLEARN_BACKEND": "dask",
-        "DASK_SCHEDULER_ADDRESS": address,
-    }
-    words = {
-        "scheduler": ["--host", address, "--no-dashboard"],
-        "worker": [address, "--no-nanny", "--no-dashboard", "--nthreads", "1"],
-    }
     with ExitStack() as ends:
-        started = {}
-        for name, its in words.items():
-            command = [sys.executable, "-m", f"distributed.cli.dask_{name}", *its]
-            started[name] = subprocess.Popen(
-                command, cwd=tmp_path, env=environment, stderr=subprocess.DEVNULL
-            )
-            ends.callback(started[name].wait)
-            ends.callback(started[name].kill)
+        address, started = programs(ends, tmp_path)
         stage = subprocess.Popen(
             [sys.executable, "work.py", str(tmp_path / "begun")],
-            cwd=tmp_path, env=environment, stderr=subprocess.PIPE, text=True,
+            cwd=tmp_path, env=on(address), stderr=subprocess.PIPE, text=True,
         )  # fmt: skip
         ends.callback(stage.kill)
         while not (tmp_path / "begun").exists() and stage.poll() is None:
@@ -249,6 +232,54 @@ def test_a_cluster_that_ends_during_the_work_is_one_line(tmp_path, killed, said)
         line = f"error: DASK_SCHEDULER_ADDRESS={address}: the Dask scheduler {said}; run it again\n"
         assert stage.communicate(timeout=60)[1] == line
     assert stage.returncode == 1
+
+
+MAPPED = """
+from structlearn.core import parallel, processor, stage
+processor.pin()
+import parallel_work
+stage.run(lambda: print(parallel.parallel_map(parallel_work.own_deviations, range(2), "work")))
+"""
+
+
+@pytest.mark.skipif(not processor.pinned(), reason="not an x86-64 with AVX2, or not wanted")
+@pytest.mark.parametrize("early", [[], ["--preload", "numpy"]])
+def test_a_worker_is_pinned_before_its_work_or_refused_in_one_line(tmp_path, early):
+    with ExitStack() as ends:
+        address, _ = programs(ends, tmp_path, *early)
+        command = [sys.executable, "-c", MAPPED]
+        done = subprocess.run(command, env=on(address), cwd=tmp_path, capture_output=True, text=True)
+    if early:
+        assert done.stderr.startswith("error: the Dask worker on ")
+        assert "numpy was loaded before it was pinned" in done.stderr
+        assert done.stderr.count("\n") == done.returncode == 1
+    else:
+        assert (done.stdout, done.stderr) == ("['', '']\n", "")
+
+
+def programs(ends: ExitStack, folder: Path, *words: str) -> tuple[str, dict[str, subprocess.Popen]]:
+    """Address of a scheduler, and its program and a worker's, which is given the words; neither is pinned."""
+    address = f"tcp://127.0.0.1:{unused_port()}"
+    given = {
+        "scheduler": ["--host", address, "--no-dashboard"],
+        "worker": [address, "--no-nanny", "--no-dashboard", "--nthreads", "1", *words],
+    }
+    started = {}
+    for name, its in given.items():
+        command = [sys.executable, "-m", f"distributed.cli.dask_{name}", *its]
+        started[name] = subprocess.Popen(command, cwd=folder, env=on(address), stderr=subprocess.DEVNULL)
+        ends.callback(started[name].wait)
+        ends.callback(started[name].kill)
+    return address, started
+
+
+def on(address: str) -> dict[str, str]:
+    """Environment of a user who has asked for a cluster."""
+    return {name: value for name, value in os.environ.items() if name not in processor.PINS} | {
+        "PYTHONPATH": str(Path(work.__file__).parent),
+        "STRUCTLEARN_BACKEND": "dask",
+        "DASK_SCHEDULER_ADDRESS": address,
+    }
 
 
 def unused_port():
