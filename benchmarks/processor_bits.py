@@ -145,7 +145,7 @@ def of_numpy(precision: type) -> Iterator[tuple[str, Operation]]:
         yield f"{its} matmul", lambda a=square, b=other: (a @ b, a.T @ b, a @ b[0], a[0] @ b[0])
         yield f"{its} norm", lambda a=square: (np.linalg.norm(a), np.linalg.norm(a, axis=1))
         yield f"{its} solve", lambda a=square, b=other: np.linalg.solve(a, b)
-        yield f"{its} inv, det", lambda a=square: (np.linalg.inv(a), np.linalg.det(a))
+        yield f"{its} inv, det", lambda a=square: (np.linalg.inv(a), *np.linalg.slogdet(a))
         yield f"{its} cholesky", lambda a=definite: np.linalg.cholesky(a)
         yield f"{its} eigh", lambda a=definite: np.linalg.eigh(a)
         yield f"{its} svd", lambda a=tall: np.linalg.svd(a)

@@ -6,7 +6,6 @@ from pathlib import Path
 
 import numpy as np
 
-from structlearn.core import processor
 from structlearn.core.parallel import parallel_map
 
 
@@ -56,10 +55,6 @@ def process_of(item):
 
 def processes_within(item):
     return os.getpid(), parallel_map(process_of, range(3), "within")
-
-
-def own_deviations(item):
-    return processor.deviations()
 
 
 class Deadly:

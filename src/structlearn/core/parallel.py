@@ -57,9 +57,9 @@ def parallel_map(
     Randomness must come from a seed in the item. A process may die, out of memory or by a crash in compiled
     code. With `lost`, items without a result are then run again one at a time, and an item that kills its
     process again has the result `lost(item)`. `local`: the work needs files of this machine, so it does not
-    run on a cluster. Workers of a cluster give the same bits as this process, if it is pinned (`processor`).
-    Raises InputError: an environment variable is invalid, or the cluster cannot be reached, ends before the
-    work or has a worker that cannot be pinned; RuntimeError: a process died, and there is no `lost`.
+    run on a cluster. Raises InputError: an environment variable is invalid, or the cluster cannot be reached,
+    ends before the work, or has a worker that is not pinned although this process is (`processor`);
+    RuntimeError: a process died, and there is no `lost`.
     """
     work = list(items)
     backend = os.environ.get(BACKEND, "fork")
@@ -71,7 +71,7 @@ def parallel_map(
             return [function(item) for item in bar(work)]
     cluster = backend == "dask" and not local
     if cluster and processor.pinned():
-        function = partial(_pinned_call, _Pins(), function)
+        function = partial(_pinned_call, function)
     results: dict[int, Result] = {}
     with bar(total=len(work)) as progress:
 
@@ -199,30 +199,19 @@ def _cluster() -> Workplace:
     return client.get_executor(pure=False), KilledWorker, _watch(client)
 
 
-class _Pins:
-    """Pins the process in which it is unpickled, before what comes after it loads numpy."""
-
-    def __reduce__(self) -> tuple[Callable[[], "_Pins"], tuple[()]]:
-        return _unpickled_pins, ()
-
-
-def _unpickled_pins() -> _Pins:
-    processor.pin()
-    return _Pins()
-
-
-def _pinned_call(pins: _Pins, function: Callable[[Item], Result], item: Item) -> Result:
-    """Call a function in a worker. Raises InputError: the worker's results would differ."""
+def _pinned_call(function: Callable[[Item], Result], item: Item) -> Result:
+    """Call a function in a worker. Raises InputError: its results would differ from those of this process."""
     _require_pinned_worker()
     return function(item)
 
 
 @cache
 def _require_pinned_worker() -> None:
+    processor.pin()
     if found := processor.deviations():
         raise InputError(
-            f"the Dask worker on {platform.node()}: {found}; start workers with the variables that "
-            f"`python -m {processor.__name__}` prints, on processors with AVX2"
+            f"the Dask worker on {platform.node()}: {found}; start workers on processors with AVX2, with the "
+            f"variables that `python -m {processor.__name__}` prints"
         )
 
 
