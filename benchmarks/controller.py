@@ -183,7 +183,7 @@ def causes(latency: TickLatency) -> np.ndarray:
 
 def largest(latency: TickLatency) -> pd.DataFrame:
     """What the longest ticks are made of."""
-    longest = np.argsort(latency.seconds)[::-1][:SHOWN]
+    longest = np.argsort(latency.seconds, kind="stable")[::-1][:SHOWN]
     columns = {
         "us": np.round(1e6 * latency.seconds, 1),
         "us that it ran": np.round(1e6 * latency.processor_s, 1),

@@ -24,6 +24,7 @@ from dissertation.evidence.verdicts import (
     compared,
     other_processor_page,
 )
+from structlearn.core import processor
 from structlearn.core.artefacts import publish, write_csv
 from structlearn.reporting.prose import counted
 
@@ -37,7 +38,9 @@ def main() -> None:
     with tempfile.TemporaryDirectory() as folder:
         clone = Path(folder, "project")
         subprocess.run(["git", "clone", "--quiet", ".", clone], check=True)
-        environment = os.environ | SETTINGS | {"PYTHONPATH": str(clone / "src")}
+        others = {name: value for name, value in os.environ.items() if name not in processor.PINS}
+        own = {processor.BITS: processor.NATIVE, "PYTHONPATH": str(clone / "src")}
+        environment = others | SETTINGS | own
         subprocess.run(["dvc", "repro"], cwd=clone, env=environment, check=True)
         table = compared(claims(Path("reports")), claims(clone / "reports"))
     write_csv(table, RESULT / "claims.csv")
@@ -54,9 +57,9 @@ def this_machine() -> str:
     information = Path("/proc/cpuinfo")  # `platform` knows no more than the architecture under Linux
     lines = information.read_text().splitlines() if information.exists() else []
     models = [line.split(":", 1)[1].strip() for line in lines if line.startswith("model name")]
-    processor = models[0] if models else platform.processor() or platform.machine()
+    model = models[0] if models else platform.processor() or platform.machine()
     cores = counted(os.cpu_count() or 1, "core")
-    return f"a machine with {cores} ({processor}), Python {platform.python_version()}"
+    return f"a machine with {cores} ({model}), Python {platform.python_version()}"
 
 
 def claims(reports: Path) -> dict[str, pd.DataFrame]:

@@ -80,7 +80,7 @@ def peer_cma() -> Contender:
     def error(result: tuple[np.ndarray, np.ndarray]) -> float:
         policies, mean = result
         weights = strategy.sp.weights.positive_weights
-        best = policies[np.argsort(_costs(policies, 1)[:, 0])[: len(weights)]]
+        best = policies[np.argsort(_costs(policies, 1)[:, 0], kind="stable")[: len(weights)]]
         return abs(weights @ best - mean).max() / abs(mean).max()
 
     return Contender(run, error)

@@ -60,4 +60,4 @@ if __name__ == "__main__":
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("file", help="a skill")
     file = parser.parse_args().file
-    run(lambda: print("\n".join(f"{name}: {value:.4g}" for name, value in main(file).items())))
+    run(lambda: print("\n".join(f"{name}: {value:.4g}" for name, value in main(file).items())), stage=False)

@@ -47,4 +47,4 @@ if __name__ == "__main__":
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("name", help="a task of structlearn.yaml")
     name = parser.parse_args().name
-    run(lambda: main(name))
+    run(lambda: main(name), stage=False)

@@ -58,4 +58,7 @@ if __name__ == "__main__":
     parser.add_argument("file", help="a skill")
     parser.add_argument("--gui", action="store_true", help="show it")
     given = parser.parse_args()
-    run(lambda: print("\n".join(f"{name}: {value:.4g}" for name, value in main(**vars(given)).items())))
+    run(
+        lambda: print("\n".join(f"{name}: {value:.4g}" for name, value in main(**vars(given)).items())),
+        stage=False,
+    )

@@ -3,9 +3,6 @@
 from collections.abc import Iterator
 from contextlib import contextmanager
 
-import numpy as np
-import pandas as pd
-
 from dissertation.dynamics.world.arm_motion import ArmMotionParameters
 from dissertation.dynamics.world.joint_logs import (
     PerturbedRobotParameters,
@@ -28,6 +25,9 @@ from structlearn.feedback.skill import ReactiveSkill
 from structlearn.primitives.primitive_files import read_primitives
 from structlearn.readers.demonstration import Recording
 from structlearn.readers.joint_log import JointLog
+
+import numpy as np
+import pandas as pd
 
 COMPARED_S = 8.0
 """Duration of the compared part of a joint log: all joints move in it, some reverse."""

@@ -46,6 +46,10 @@ ROOMS = {
     "torch": ("networks", "feedback", "rigid_body", "tactile"),
     "mcap": ("readers",),
 }
+SORTS = ("sort_values", "sort_index", "argsort")
+ESTIMATED = ("sqrt", "log", "atan", "arctan", "tan", "pow", "float_power")
+"""Functions of tensors that `benchmarks/processor_bits.py` finds to differ, and those that call them."""
+
 SLOW = (
     *("torch", "pybullet", "pinocchio", "sklearn", "cma", "matplotlib", "rerun", "distributed"),
     *("scipy.stats", "scipy.signal", "scipy.optimize", "scipy.interpolate", "scipy.ndimage"),
@@ -103,6 +107,11 @@ def files(name: str) -> list[Path]:
 def names_in(path: Path) -> set[str]:
     """All names that a file imports."""
     return set(named(ast.walk(ast.parse(path.read_text()))))
+
+
+def calls(path: Path) -> list[ast.Call]:
+    """All calls in a file."""
+    return [node for node in ast.walk(ast.parse(path.read_text())) if isinstance(node, ast.Call)]
 
 
 def floor(module: str) -> int:
@@ -163,6 +172,30 @@ def test_big_libraries_stay_in_their_rooms():
             if any(name.split(".")[0] == library for name in names_in(path)):
                 room = {*path.relative_to(SOURCES).parts, path.stem, path.stem.rpartition("_")[2]}
                 assert set(rooms) & room, f"{path} imports {library}"
+
+
+@pytest.mark.parametrize("folder", ["src", "stages", "benchmarks", "examples"])
+def test_sorts_are_stable(folder):
+    """Kernels of some processors leave ties in another order."""
+    for path in (ROOT / folder).rglob("*.py"):
+        for call in calls(path):
+            if getattr(call.func, "attr", "") in SORTS:
+                kinds = [ast.unparse(word.value) for word in call.keywords if word.arg == "kind"]
+                assert kinds == ["'stable'"], f"{path}, line {call.lineno}"
+
+
+def test_no_tensor_meets_a_kernel_whose_digits_depend_on_the_processor():
+    """`networks.torch_settings.square_root` and numpy's functions do not; `** 0.5` is a root to torch."""
+    for path in modules().values():
+        if any(name.split(".")[0] == "torch" for name in names_in(path)):
+            for call in calls(path):
+                name, owner = getattr(call.func, "attr", ""), ast.unparse(getattr(call.func, "value", call))
+                assert name.strip("_") not in ESTIMATED or owner in ("np", "math"), (
+                    f"{path}, line {call.lineno}: {name} of a tensor"
+                )
+            for node in ast.walk(ast.parse(path.read_text())):
+                half = isinstance(node, ast.BinOp) and ast.unparse(node.right) in ("0.5", "-0.5", "1 / 2")
+                assert not (half and isinstance(node.op, ast.Pow)), f"{path}, line {node.lineno}: a root"
 
 
 def test_a_module_name_means_one_thing():

@@ -5,6 +5,7 @@ import socket
 import subprocess
 import sys
 import time
+from collections.abc import Iterable
 from contextlib import ExitStack, suppress
 from functools import partial
 from pathlib import Path
@@ -15,7 +16,7 @@ import pytest
 from distributed import Client, LocalCluster
 from threadpoolctl import threadpool_limits
 
-from structlearn.core import parallel
+from structlearn.core import parallel, processor
 from structlearn.core.errors import InputError
 from structlearn.core.parallel import parallel_map
 
@@ -218,29 +219,12 @@ run(lambda: parallel.parallel_map(parallel_work.endless, sys.argv[1:], "work"))
 )
 def test_a_cluster_that_ends_during_the_work_is_one_line(tmp_path, killed, said):
     """Dask would wait for other workers without end."""
-    address = f"tcp://127.0.0.1:{unused_port()}"
     (tmp_path / "work.py").write_text(CLUSTER)
-    environment = os.environ | {
-        "PYTHONPATH": str(Path(work.__file__).parent),
-        "STRUCTLEARN_BACKEND": "dask",
-        "DASK_SCHEDULER_ADDRESS": address,
-    }
-    words = {
-        "scheduler": ["--host", address, "--no-dashboard"],
-        "worker": [address, "--no-nanny", "--no-dashboard", "--nthreads", "1"],
-    }
     with ExitStack() as ends:
-        started = {}
-        for name, its in words.items():
-            command = [sys.executable, "-m", f"distributed.cli.dask_{name}", *its]
-            started[name] = subprocess.Popen(
-                command, cwd=tmp_path, env=environment, stderr=subprocess.DEVNULL
-            )
-            ends.callback(started[name].wait)
-            ends.callback(started[name].kill)
+        address, started = programs(ends, tmp_path)
         stage = subprocess.Popen(
             [sys.executable, "work.py", str(tmp_path / "begun")],
-            cwd=tmp_path, env=environment, stderr=subprocess.PIPE, text=True,
+            cwd=tmp_path, env=on(address), stderr=subprocess.PIPE, text=True,
         )  # fmt: skip
         ends.callback(stage.kill)
         while not (tmp_path / "begun").exists() and stage.poll() is None:
@@ -249,6 +233,50 @@ def test_a_cluster_that_ends_during_the_work_is_one_line(tmp_path, killed, said)
         line = f"error: DASK_SCHEDULER_ADDRESS={address}: the Dask scheduler {said}; run it again\n"
         assert stage.communicate(timeout=60)[1] == line
     assert stage.returncode == 1
+
+
+MAPPED = """
+from structlearn.core.parallel import parallel_map
+from structlearn.core.stage import run
+run(lambda: print(parallel_map(abs, range(2), "sizes")), stage=False)
+"""
+
+
+@pytest.mark.skipif(not processor.pinned(), reason="not an x86-64 with AVX2, or not wanted")
+def test_a_worker_that_is_not_pinned_is_refused_in_one_line(tmp_path):
+    """Dask has loaded numpy before any work."""
+    with ExitStack() as ends:
+        address, _ = programs(ends, tmp_path, without=processor.PINS)
+        command = [sys.executable, "-c", MAPPED]
+        done = subprocess.run(command, env=on(address), cwd=tmp_path, capture_output=True, text=True)
+    assert done.stderr.startswith("error: the Dask worker on ")
+    assert "numpy was loaded before it was pinned" in done.stderr
+    assert done.stderr.count("\n") == done.returncode == 1
+
+
+def programs(ends: ExitStack, folder: Path, without: Iterable[str] = ()) -> tuple[str, dict]:
+    """Address of a scheduler, and the programs of it and of a worker, started without some variables."""
+    address = f"tcp://127.0.0.1:{unused_port()}"
+    words = {
+        "scheduler": ["--host", address, "--no-dashboard"],
+        "worker": [address, "--no-nanny", "--no-dashboard", "--nthreads", "1"],
+    }
+    started, variables = {}, {name: value for name, value in on(address).items() if name not in without}
+    for name, its in words.items():
+        command = [sys.executable, "-m", f"distributed.cli.dask_{name}", *its]
+        started[name] = subprocess.Popen(command, cwd=folder, env=variables, stderr=subprocess.DEVNULL)
+        ends.callback(started[name].wait)
+        ends.callback(started[name].kill)
+    return address, started
+
+
+def on(address: str) -> dict[str, str]:
+    """Environment of a user who has asked for a cluster."""
+    return os.environ | {
+        "PYTHONPATH": str(Path(work.__file__).parent),
+        "STRUCTLEARN_BACKEND": "dask",
+        "DASK_SCHEDULER_ADDRESS": address,
+    }
 
 
 def unused_port():

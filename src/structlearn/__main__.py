@@ -4,6 +4,8 @@ import re
 import sys
 from importlib.metadata import PackageNotFoundError, requires, version
 
+from structlearn.core.processor import pin
+
 EXTRA = "learn"
 
 
@@ -16,6 +18,7 @@ def main() -> None:
     except PackageNotFoundError:
         called = " ".join(["structlearn", *sys.argv[1:2]])
         sys.exit(f"error: {called} needs the extra `{EXTRA}`: pip install 'structlearn[{EXTRA}]'")
+    pin()
     from structlearn import command  # loads much of what the extra has
 
     command.main()

@@ -2,8 +2,6 @@
 
 from functools import partial
 
-import pandas as pd
-
 from dissertation.dynamics.files import as_motion, read_logs, step_s
 from dissertation.dynamics.protocol.trainings import OnlineParameters, learn_once_through
 from dissertation.simulation.arm import ArmParameters
@@ -13,6 +11,8 @@ from structlearn.core.stage import run, stage_parameters
 from structlearn.rigid_body.dynamics_training import LearningParameters
 from structlearn.rigid_body.model_names import IDEAL
 from structlearn.rigid_body.payload import learn_payload
+
+import pandas as pd
 
 
 def main() -> None:

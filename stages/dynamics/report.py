@@ -1,7 +1,5 @@
 """Report of the dynamics testbed: figures, tables, findings and their page."""
 
-import pandas as pd
-
 from dissertation.dynamics import files
 from dissertation.dynamics.page.figures import arm_still, drawings
 from dissertation.dynamics.page.findings import findings
@@ -23,6 +21,8 @@ from structlearn.core.stage import run, stage_parameters
 from structlearn.rigid_body.model_names import ROBOT
 from structlearn.rigid_body.robot import read_urdf
 from structlearn.rigid_body.urdf import urdf_path
+
+import pandas as pd
 
 PARAMETERS = {
     "arm": ArmParameters,

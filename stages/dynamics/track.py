@@ -3,8 +3,6 @@
 from collections.abc import Sequence
 from functools import cache
 
-import pandas as pd
-
 from dissertation.dynamics.protocol.tracking import Testbed, TrackingParameters, known, learned, track
 from dissertation.dynamics.world.arm_motion import ArmMotionParameters
 from dissertation.dynamics.world.controlled_arm import SimulatedArm
@@ -15,6 +13,8 @@ from structlearn.core.params import Population
 from structlearn.core.stage import run, stage_parameters
 from structlearn.rigid_body.dynamics_models import DynamicsModels, read_dynamics_models
 from structlearn.rigid_body.model_names import IDEAL, ROBOT
+
+import pandas as pd
 
 MODELS = "data/dynamics/models"
 

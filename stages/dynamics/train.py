@@ -1,7 +1,5 @@
 """Learn inverse dynamics from sines: all models, forms, seeds and robots (tables III.1 and III.2)."""
 
-import pandas as pd
-
 from dissertation.dynamics.files import as_motion, read_logs
 from dissertation.dynamics.protocol.trainings import CHOSEN, DynamicsTrainingParameters, train_all, trainings
 from dissertation.dynamics.protocol.truth import FRICTION_MODELS, friction_table, known_errors
@@ -12,6 +10,8 @@ from structlearn.core.stage import run, stage_parameters
 from structlearn.rigid_body.base_parameters import base_parameters, base_table, link_table
 from structlearn.rigid_body.dynamics_models import write_dynamics_models
 from structlearn.rigid_body.model_names import IDEAL, ROBOT
+
+import pandas as pd
 
 
 def main() -> None:

@@ -2,8 +2,6 @@
 
 from functools import partial
 
-import pandas as pd
-
 from dissertation.obstacles.files import RUNS, write_baselines
 from dissertation.obstacles.protocol.avoidance_scores import person_data
 from dissertation.obstacles.world.reaching_person import AvoiderParameters
@@ -13,6 +11,8 @@ from structlearn.core.artefacts import publish, write_table
 from structlearn.core.parallel import parallel_map
 from structlearn.core.params import Population
 from structlearn.core.stage import run, stage_parameters
+
+import pandas as pd
 
 
 def main() -> None:

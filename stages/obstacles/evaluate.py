@@ -2,8 +2,6 @@
 
 from functools import partial
 
-import pandas as pd
-
 from dissertation.obstacles.files import read_baselines
 from dissertation.obstacles.protocol import avoidance_protocols
 from dissertation.obstacles.world.scenarios import SceneParameters, own_scenarios, scenarios
@@ -13,6 +11,8 @@ from structlearn.core.artefacts import publish, write_table
 from structlearn.core.parallel import parallel_map
 from structlearn.core.params import Population
 from structlearn.core.stage import run, stage_parameters
+
+import pandas as pd
 
 
 def main() -> None:

@@ -1,13 +1,13 @@
 """Leave-one-demonstration-out comparison of feedback models (IV.9.3: table IV.5, figure IV.16)."""
 
-import pandas as pd
-
 from dissertation.scraping.files import read_datasets
 from dissertation.scraping.protocol.feedback_models import compare_representations, paired_orderings
 from structlearn.core.artefacts import publish, write_table
 from structlearn.core.stage import run, stage_parameters
 from structlearn.feedback.coupling_targets import SupervisionParameters
 from structlearn.feedback.trainers import TrainingParameters
+
+import pandas as pd
 
 
 def main() -> None:

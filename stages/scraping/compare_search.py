@@ -3,8 +3,6 @@
 from collections.abc import Mapping
 from dataclasses import replace
 
-import pandas as pd
-
 from dissertation.scraping.protocol.board_refinement import (
     BoardEnvironment,
     BoardRefinementParameters,
@@ -19,6 +17,8 @@ from structlearn.feedback.coupling_model import CouplingModel, read_networks
 from structlearn.feedback.coupling_targets import SupervisionParameters
 from structlearn.policy_search import refinement
 from structlearn.readers.source import ClockParameters
+
+import pandas as pd
 
 DATA = "data/feedback/scraping"
 

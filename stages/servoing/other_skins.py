@@ -2,8 +2,6 @@
 
 from functools import partial
 
-import pandas as pd
-
 from dissertation.servoing.protocol.servo_trials import learn_other_skin
 from dissertation.servoing.protocol.servo_variants import OtherSkinsParameters
 from dissertation.simulation.fingers import PinchParameters
@@ -15,6 +13,8 @@ from structlearn.core.stage import run, stage_parameters
 from structlearn.tactile.latent_models import write_latent_models
 from structlearn.tactile.latent_parameters import GeodesicParameters, LatentParameters
 from structlearn.tactile.touch_dataset import TouchDataParameters
+
+import pandas as pd
 
 SHARED = {
     "touch_dataset": TouchDataParameters,

@@ -1,7 +1,5 @@
 """Record demonstrations of touch (II.4.1.1)."""
 
-import pandas as pd
-
 from dissertation.simulation.fingers import PinchParameters
 from dissertation.simulation.touch import TouchFingerParameters
 from dissertation.simulation.touch_demonstrator import (
@@ -13,6 +11,8 @@ from dissertation.simulation.touch_demonstrator import (
 from structlearn.core.artefacts import publish, write_table
 from structlearn.core.stage import run, stage_parameters
 from structlearn.readers import write_recordings
+
+import pandas as pd
 
 
 def main() -> None:

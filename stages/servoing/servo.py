@@ -1,7 +1,5 @@
 """Servo simulated fingers to random contacts in closed loop with every controller (II.4.6)."""
 
-import pandas as pd
-
 from dissertation.servoing.protocol.servo_trials import compare_controllers
 from dissertation.servoing.protocol.servo_variants import (
     OtherSkinsParameters,
@@ -15,6 +13,8 @@ from dissertation.simulation.touch_demonstrator import ToucherParameters
 from structlearn.core.artefacts import publish, write_table
 from structlearn.core.stage import run, stage_parameters
 from structlearn.tactile.latent_models import read_latent_models
+
+import pandas as pd
 
 
 def main() -> None:

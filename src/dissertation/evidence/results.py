@@ -103,7 +103,7 @@ class Results:
         rows = self.rows(quantity, **keys)
         if rows[self.who].duplicated().any():
             raise ValueError(f"several values of {quantity} for one {self.who}, given {sorted(keys)}")
-        return rows.set_index(self.who)["value"].sort_index()
+        return rows.set_index(self.who)["value"].sort_index(kind="stable")
 
     def wide(self, quantity: str, columns: str | Sequence[str], **keys: object) -> pd.DataFrame:
         """One row per person, one column per value of the keys `columns`, in order of appearance.

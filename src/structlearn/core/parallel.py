@@ -9,13 +9,14 @@ import for seconds, and reused, so that each loads compiled code once.
 import logging
 import multiprocessing
 import os
+import platform
 import threading
 import time
 from collections.abc import Callable, Iterable, Iterator
 from concurrent.futures import CancelledError, Executor, Future, ProcessPoolExecutor, as_completed
 from concurrent.futures.process import BrokenProcessPool
 from contextlib import suppress
-from functools import partial
+from functools import cache, partial
 from ipaddress import ip_address
 from typing import TYPE_CHECKING, Any, TypeVar
 from urllib.parse import urlsplit
@@ -23,6 +24,7 @@ from urllib.parse import urlsplit
 from threadpoolctl import threadpool_limits
 from tqdm import tqdm
 
+from structlearn.core import processor
 from structlearn.core.errors import InputError
 
 if TYPE_CHECKING:
@@ -55,8 +57,9 @@ def parallel_map(
     Randomness must come from a seed in the item. A process may die, out of memory or by a crash in compiled
     code. With `lost`, items without a result are then run again one at a time, and an item that kills its
     process again has the result `lost(item)`. `local`: the work needs files of this machine, so it does not
-    run on a cluster. Raises InputError: an environment variable is invalid, or the cluster cannot be reached
-    or ends before the work; RuntimeError: a process died, and there is no `lost`.
+    run on a cluster. Raises InputError: an environment variable is invalid, or the cluster cannot be reached,
+    ends before the work, or has a worker that is not pinned although this process is (`processor`);
+    RuntimeError: a process died, and there is no `lost`.
     """
     work = list(items)
     backend = os.environ.get(BACKEND, "fork")
@@ -66,12 +69,15 @@ def parallel_map(
     if backend == "sequential":
         with threadpool_limits(1):  # as in processes: products of matrices depend on the number of threads
             return [function(item) for item in bar(work)]
+    cluster = backend == "dask" and not local
+    if cluster and processor.pinned():
+        function = partial(_pinned_call, function)
     results: dict[int, Result] = {}
     with bar(total=len(work)) as progress:
 
         def take(places: Iterable[int]) -> None:
             """Store the results of items, except those whose process died."""
-            pool, death, check = _cluster() if backend == "dask" and not local else _machine()
+            pool, death, check = _cluster() if cluster else _machine()
             running: dict[Future[Any], int] = {}
             try:
                 with suppress(death):  # a broken pool accepts no more items
@@ -191,6 +197,22 @@ def _cluster() -> Workplace:
         client.close()
         raise InputError(f"{SCHEDULER}={address}: no worker has joined within {WORKERS_S:.0f} s") from error
     return client.get_executor(pure=False), KilledWorker, _watch(client)
+
+
+def _pinned_call(function: Callable[[Item], Result], item: Item) -> Result:
+    """Call a function in a worker. Raises InputError: its results would differ from those of this process."""
+    _require_pinned_worker()
+    return function(item)
+
+
+@cache
+def _require_pinned_worker() -> None:
+    processor.pin()
+    if found := processor.deviations():
+        raise InputError(
+            f"the Dask worker on {platform.node()}: {found}; start workers on processors with AVX2, with the "
+            f"variables that `python -m {processor.__name__}` prints"
+        )
 
 
 def _watch(client: "Client") -> Callable[[], None]:

@@ -21,6 +21,7 @@ from typing import NamedTuple
 
 from structlearn.core.errors import InputError, MissingInputError
 from structlearn.core.params import ParametersType, read_parameters
+from structlearn.core.processor import require_pins
 from structlearn.core.publication import alone_in, disk_fault, publish
 from structlearn.core.shadowing import require_own_packages
 from structlearn.core.used_files import watched
@@ -56,11 +57,14 @@ def run(main: Callable[[], None], stage: bool = True) -> None:
 
     So do packages hidden by PYTHONPATH, a change of what the stage uses while it runs (`used_files`), a
     concurrent run of the same stage, and Ctrl-C with code `INTERRUPTED`. Bugs keep their traceback. If DVC
-    runs the stage, its time is recorded. `stage`: False for commands, which may run stages and wait.
+    runs the stage, its time is recorded. Stages give the same bits on all processors (`processor`): one that
+    loaded a library too early starts again. `stage`: False for commands, which may run stages and wait, and
+    for programs outside of a pipeline.
     """
     try:
         require_own_packages()
         if stage:
+            require_pins()
             with _alone():
                 timed(watched(_started_s())(main))
         else:

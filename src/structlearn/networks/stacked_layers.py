@@ -8,6 +8,7 @@ Samples are the last axis, (M, D, B): node-wise operations are contiguous, and b
 models in one call. `RowLayers` has samples as rows, (M, B, D).
 """
 
+import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, fields
 from itertools import pairwise
@@ -62,7 +63,7 @@ class StackedLayers:
         hidden = [(models, size) for size in sizes[1:-1]] if normalised else []
         return cls(
             weights=tuple(
-                torch.randn(models, *cls._shape(after, before), generator=generator) / before**0.5
+                torch.randn(models, *cls._shape(after, before), generator=generator) / math.sqrt(before)
                 for before, after in pairwise(sizes)
             ),
             biases=tuple(torch.zeros(models, *cls._shape(after, 1)) for after in sizes[1:]),
@@ -80,7 +81,7 @@ class StackedLayers:
         """
         drawn = [
             [
-                (2.0 * torch.rand(after, before + 1, generator=generator) - 1.0) / before**0.5
+                (2.0 * torch.rand(after, before + 1, generator=generator) - 1.0) / math.sqrt(before)
                 for before, after in pairwise(sizes)
             ]
             for generator in generators

@@ -24,6 +24,14 @@ def as_tensor(values: np.ndarray) -> Tensor:
     return torch.tensor(values, dtype=torch.float32)
 
 
+def square_root(values: Tensor) -> Tensor:
+    """Square root of positive values, for gradients; not of 0, where it is NaN.
+
+    Digits of torch's sqrt, log, atan and tan depend on the processor, by estimates in their kernels (MKL's).
+    """
+    return values * values.rsqrt()
+
+
 def seeded(seed: int) -> torch.Generator:
     """Generator for initial weights, batches and dropout masks."""
     return torch.Generator().manual_seed(seed)
@@ -68,7 +76,8 @@ class RootMeanSquarePropagation:
         gradients = torch.autograd.grad(loss, self.parameters)
         gradient = torch.cat([values.flatten() for values in gradients])
         self.mean_square.mul_(self.decay).addcmul_(gradient, gradient, value=1.0 - self.decay)
-        self.weights.addcdiv_(gradient, self.mean_square.sqrt().add_(SMALLEST_ROOT), value=-self.rate)
+        root = torch.from_numpy(np.sqrt(self.mean_square.numpy()))  # as `square_root`, also of 0
+        self.weights.addcdiv_(gradient, root.add_(SMALLEST_ROOT), value=-self.rate)
 
 
 class Adam:

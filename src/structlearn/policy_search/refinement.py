@@ -143,7 +143,7 @@ class Progress:
         runs = self.history[self.history["kind"] == FEEDBACK]
         by_iteration = runs.assign(failed=runs["fault"] != "").groupby("iteration")
         standing = by_iteration.agg({"failed": "sum", "cost_rad": "mean"})
-        return int(standing.sort_values(["failed", "cost_rad"]).index[0])
+        return int(standing.sort_values(["failed", "cost_rad"], kind="stable").index[0])
 
 
 def start(

@@ -177,7 +177,7 @@ def reproduction_summary(errors: pd.DataFrame) -> pd.DataFrame:
     def in_first_order(column: pd.Series) -> pd.Series:
         return pd.Series(pd.factorize(column)[0], index=column.index)
 
-    return overall.sort_values(keys, key=in_first_order, ignore_index=True)
+    return overall.sort_values(keys, key=in_first_order, kind="stable", ignore_index=True)
 
 
 def _overall_nmse(prediction: np.ndarray, target: np.ndarray) -> float:

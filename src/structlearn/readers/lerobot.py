@@ -98,7 +98,7 @@ def read_frames(folder: Path, features: list[str]) -> pd.DataFrame:
         if not all(pd.api.types.is_integer_dtype(frames[name]) for name in numbered):
             raise InputError(f"{file}: {' or '.join(numbered)} has something that is no whole number")
         parts.append(frames)
-    return pd.concat(parts, ignore_index=True).sort_values(numbered)
+    return pd.concat(parts, ignore_index=True).sort_values(numbered, kind="stable")
 
 
 def _joints(feature: Mapping[str, Any]) -> tuple[str, ...]:

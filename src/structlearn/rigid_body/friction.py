@@ -7,6 +7,7 @@ stiffness is that of cables along the joint, or of a torque sensor that is sensi
 torques are linear in d, c, o and k, friction adds columns to the regressor of the links.
 """
 
+import math
 from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING, Literal
 
@@ -74,7 +75,7 @@ def friction_coefficients(free: "Tensor", terms: Sequence[FrictionTerm]) -> "Ten
 
 def initial_friction(models: int, joints: int, terms: Sequence[FrictionTerm]) -> np.ndarray:
     """Initial free parameters (M, n, t) of friction; 0 for `SIGNED` terms."""
-    return np.tile(np.where(squared(terms), INITIAL_FRICTION**0.5, 0.0), (models, joints, 1))
+    return np.tile(np.where(squared(terms), math.sqrt(INITIAL_FRICTION), 0.0), (models, joints, 1))
 
 
 def squared(terms: Sequence[FrictionTerm]) -> np.ndarray:

@@ -29,6 +29,7 @@ import torch
 from torch import Tensor
 
 from structlearn.core.compilation import cross, numba
+from structlearn.networks.torch_settings import square_root
 from structlearn.rigid_body.tree import LinkInertias
 
 Structure = Literal["nostr", "symm", "spd", "tri", "cov"]
@@ -94,7 +95,7 @@ def _triangular(free: Tensor) -> Tensor:
     first, second = (free[..., 3:5].square() + INERTIA_BIAS).unbind(-1)
     half_angle = 0.5 * torch.pi * torch.sigmoid(free[..., 5].clamp(-FLAT_SIGMOID, FLAT_SIGMOID))
     # law of cosines without differences of large squares: J3^2 = (J1 - J2)^2 + 4 J1 J2 sin^2(a / 2)
-    third = torch.hypot(first - second, 2.0 * (first.sqrt() * second.sqrt()) * half_angle.sin())
+    third = torch.hypot(first - second, 2.0 * (square_root(first) * square_root(second)) * half_angle.sin())
     moments = torch.stack([first, second, third], dim=-1)
     inertia = rotation * moments[..., None, :] @ rotation.mT
     return _with_margin(0.5 * (inertia + inertia.mT))
@@ -128,7 +129,7 @@ def _biased_product(free: Tensor) -> Tensor:
 
 def _exponential(vector: Tensor) -> Tensor:
     """Rotation matrices (..., 3, 3) of rotation vectors (..., 3), differentiable at zero."""
-    angle = (vector.square().sum(-1) + 1e-30).sqrt()[..., None, None]
+    angle = square_root(vector.square().sum(-1) + 1e-30)[..., None, None]
     x, y, z = vector.unbind(-1)
     zero = torch.zeros_like(x)
     skew = torch.stack([zero, -z, y, z, zero, -x, -y, x, zero], dim=-1).unflatten(-1, (3, 3))

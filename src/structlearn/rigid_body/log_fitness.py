@@ -131,7 +131,7 @@ def identified_table(names: Sequence[str], fit: BaseFit) -> pd.DataFrame:
     percent = parameter_percent(fit)
     verdicts = [_verdict(value, KNOWN_PERCENT, DETERMINED_PERCENT) for value in percent]
     table = pd.DataFrame({"parameter": names, "percent": percent, "determined": verdicts})
-    return table.sort_values("percent", ignore_index=True)
+    return table.sort_values("percent", kind="stable", ignore_index=True)
 
 
 def _verdict(value: float, doubtful: float, wrong: float) -> str:

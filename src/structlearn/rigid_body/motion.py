@@ -123,7 +123,7 @@ def drawn_nmse(
     blocks: pd.DataFrame, model: Sequence[str], draws: int, seed: int
 ) -> tuple[np.ndarray, np.ndarray, int]:
     """NMSE (n,) of a model (kind, friction) on a part, for drawn blocks (D, n), and the number of blocks."""
-    ordered = blocks.sort_values(["block", "joint"])
+    ordered = blocks.sort_values(["block", "joint"], kind="stable")
     count, joints = ordered["block"].nunique(), ordered["joint"].nunique()
     columns = ["samples", "torque", "torque_squared", "/".join(model)]
     sums = ordered[columns].to_numpy().reshape(count, joints, 4)

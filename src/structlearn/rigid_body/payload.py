@@ -11,6 +11,7 @@ the same, so l is determined by the difference of their torques. Each joint's er
 residual in a first fit.
 """
 
+import math
 from collections.abc import Sequence
 
 import numpy as np
@@ -116,7 +117,7 @@ def follow_payload(
             float((share * (last[batch] @ values - left[batch]) ** 2).mean()) for values in (own, learned)
         ]
         fresh = np.concatenate([last[batch], left[batch, :, None]], axis=-1).reshape(-1, triangle.shape[1])
-        triangle = triangular_factor(np.vstack([forgetting * triangle, fresh / len(fresh) ** 0.5]))
+        triangle = triangular_factor(np.vstack([forgetting * triangle, fresh / math.sqrt(len(fresh))]))
         free, _ = fit_structure(parameters.structure, triangle, (), now, parameters.iterations, empty)
         fitted = link_inertias(parameters.structure, torch.from_numpy(free[0]))
         now, learned = fitted.arrays(), link_parameters(fitted).numpy()

@@ -89,7 +89,7 @@ def quality(
     table["outlier"] = _outliers(table)
     better_large = dict(zip(MEASURES, (True, True, False, False), strict=True))
     ranks = [table[name].rank(ascending=not large) for name, large in better_large.items()]
-    table["rank"] = np.mean(ranks, axis=0).argsort(kind="stable").argsort() + 1
+    table["rank"] = np.mean(ranks, axis=0).argsort(kind="stable").argsort(kind="stable") + 1
     return table
 
 

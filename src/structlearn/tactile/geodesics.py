@@ -69,7 +69,7 @@ def graph_distances(points: np.ndarray, neighbours: int, bridge: float) -> np.nd
     _, axes = np.linalg.eigh(np.cov(points.T))
     order = np.argsort(points @ axes[:, -1], kind="stable")  # along the skin: each point has few ahead
     distance = np.full(graph.shape, np.inf)
-    edge, place = graph.tocoo(), np.argsort(order)
+    edge, place = graph.tocoo(), np.argsort(order, kind="stable")
     distance[place[edge.row], place[edge.col]] = edge.data
     np.fill_diagonal(distance, 0.0)
     _shorten(distance)

@@ -23,6 +23,7 @@ from torch import Tensor
 from structlearn.core.artefacts import read_tensors, write_tensors
 from structlearn.core.errors import InputError
 from structlearn.networks.stacked_layers import StackedLayers
+from structlearn.networks.torch_settings import square_root
 from structlearn.tactile.latent_dynamics import (
     ACTION,
     ForwardDynamics,
@@ -96,7 +97,7 @@ def latent_losses(
 def map_distance(first: Tensor, second: Tensor) -> Tensor:
     """Distance (M, B) in the flat map between latent states (M, 3, B) (eq. II.2)."""
     squared = (first[:, :MAP] - second[:, :MAP]).square().sum(dim=1)
-    return (squared + SQUARED_DISTANCE_FLOOR).sqrt()
+    return square_root(squared + SQUARED_DISTANCE_FLOOR)
 
 
 @dataclass(frozen=True)

@@ -17,7 +17,13 @@ from torch import Tensor
 from tqdm import tqdm
 
 from structlearn.core.errors import InputError
-from structlearn.networks.torch_settings import RootMeanSquarePropagation, as_tensor, one_thread, seeded
+from structlearn.networks.torch_settings import (
+    RootMeanSquarePropagation,
+    as_tensor,
+    one_thread,
+    seeded,
+    square_root,
+)
 from structlearn.tactile.geodesics import Geodesics
 from structlearn.tactile.latent_dynamics import LatentStep, chained, inferred_action
 from structlearn.tactile.latent_models import LatentModels, latent_losses
@@ -247,8 +253,8 @@ def direction_loss(inferred: Tensor, action: Tensor) -> Tensor:
 
     Mean over samples, sum over models.
     """
-    length = (inferred.square().sum(dim=1, keepdim=True) + SHORTEST_ACTION**2).sqrt()
-    wanted = action.square().sum(dim=1, keepdim=True).sqrt()
+    length = square_root(inferred.square().sum(dim=1, keepdim=True) + SHORTEST_ACTION**2)
+    wanted = action.norm(dim=1, keepdim=True)
     return (inferred / length * wanted - action).square().sum() / action.shape[-1]
 
 

@@ -210,7 +210,7 @@ def _bodies(table: pd.DataFrame, learned: str, true: str, title: str) -> Figure:
 def _friction(joint: int, residuals: pd.DataFrame) -> Figure:
     """Torque residuals of the rigid-body model over the joint's speed, with the learned friction."""
     figure, panel = _panel(2.2, f"Joint {joint}", "speed (rad/s)", "torque (N m)")
-    its = residuals.sort_values("velocity_rad_s")
+    its = residuals.sort_values("velocity_rad_s", kind="stable")
     speed, measured = its["velocity_rad_s"], its["residual_n_m"]
     panel.plot(speed, measured, ".", color=GREY, markersize=3.0, alpha=0.4, label="measured")
     learned, label = colour(f"cov{COULOMB}"), "learned: viscous and Coulomb"

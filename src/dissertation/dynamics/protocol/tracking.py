@@ -261,7 +261,7 @@ def tracked_reaches(
             for table in (paths, scores)
         )
         if len(path):
-            first = score.sort_values("seed").iloc[0]
+            first = score.sort_values("seed", kind="stable").iloc[0]
             reach = TrackedReach(
                 model,
                 time=path["time_s"].to_numpy(float),

@@ -142,7 +142,7 @@ def _ridge(training: AvoidanceDataset, inputs: str, decay: float) -> CouplingMod
 
 def _phase_worth(folds: pd.DataFrame) -> pd.DataFrame:
     """Reductions of the error by phase inputs, paired over the folds."""
-    by = folds.sort_values("fold").groupby(["representation", "inputs", "axis"])["nmse"]
+    by = folds.sort_values("fold", kind="stable").groupby(["representation", "inputs", "axis"])["nmse"]
     errors, rows = {key: its.to_numpy() for key, its in by}, []
     for (name, inputs, axis), seen in errors.items():
         without = errors.get((name, "features", axis))

@@ -71,7 +71,7 @@ def sections(files: TaskFiles) -> list[Section]:
 
 def representation_findings(found: Tables) -> Findings:
     """Findings by local axis; intervals are over the blocks left out."""
-    folds = found["folds"].set_index([*KEYS, "axis"])["nmse"].sort_index()
+    folds = found["folds"].set_index([*KEYS, "axis"])["nmse"].sort_index(kind="stable")
     best = best_representation(found)
     pooled = by_axis(found["scores"], "nmse").loc[best]
     blocks = found["folds"]["fold"].nunique()

@@ -239,7 +239,7 @@ def _smallest_steps(values: pd.Series) -> pd.Series:
     """Smallest step by `primitive` from `setting` to setting; negative if not monotonic."""
 
     def smallest(its: pd.Series) -> float:
-        steps = np.diff(its.droplevel("primitive").sort_index())
+        steps = np.diff(its.droplevel("primitive").sort_index(kind="stable"))
         return float((np.sign(steps.sum()) * steps).min()) if len(steps) else 0.0
 
     return values.groupby("primitive", sort=False).apply(smallest)
@@ -250,7 +250,9 @@ def _margins_between(costs: pd.Series, parameters: BoardRefinementParameters) ->
 
     The smallest over both neighbours and all unseen tilts; negative if some cost does not lie between.
     """
-    wide = _wide(costs[costs.index.get_level_values("setting") > 0.0], "setting").sort_index(axis=1)
+    wide = _wide(costs[costs.index.get_level_values("setting") > 0.0], "setting").sort_index(
+        axis=1, kind="stable"
+    )
     tilts, found = list(wide.columns), []
     for below, tilt, above in zip(tilts, tilts[1:], tilts[2:], strict=False):
         if role_of(tilt, parameters) == UNSEEN:

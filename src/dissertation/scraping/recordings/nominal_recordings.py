@@ -184,7 +184,7 @@ def _pairs(
     times, weights = pairs[["reference_s", "guess_s"]].to_numpy(), pairs["weight"].to_numpy()
     lines = np.stack([reference.points(times[:, 0]), guess.points(times[:, 1])], axis=1)  # (K, 2, 2)
     shown = np.unique(np.linspace(0, len(lines) - 1, SHOWN_PAIRS).astype(int))
-    bold = np.argsort(weights)[::-1][:HIGHLIGHTED]
+    bold = np.argsort(weights, kind="stable")[::-1][:HIGHLIGHTED]
     share = weights[shown] ** 3  # most weights are close to 1, where differences should be visible
     colours, at = items.blended(share, (DROPPED, LIGHT_BLUE)), {DEMONSTRATION: step}
     yield items.lines(entity(primitive, "pairs"), lines[shown], colours, -0.7, draw_order=-2.0, at=at)

@@ -131,7 +131,10 @@ def cost_colours(costs: np.ndarray, cost_range: tuple[float, float]) -> np.ndarr
 
 def _curves(search: Search, column: str, diagram: Diagram, iteration: int) -> Iterator[Item]:
     """The drawn policies and, thick, the improved one, the network, and pale the network before."""
-    tried, at = search.rows(iteration, SAMPLE).sort_values("cost_rad", ascending=False), _at(iteration)
+    tried, at = (
+        search.rows(iteration, SAMPLE).sort_values("cost_rad", ascending=False, kind="stable"),
+        _at(iteration),
+    )
     if len(tried):  # the cheapest on top
         strips = _strips(search.curves(iteration, SAMPLE, column)[tried["number"]], diagram)
         colours = cost_colours(tried["cost_rad"].to_numpy(), search.cost_range)

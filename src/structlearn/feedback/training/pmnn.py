@@ -24,6 +24,7 @@ which differentiating twice amplifies in c_target. If the noise is in the coupli
 are as good or better: a path has fewer independent values.
 """
 
+import math
 from collections.abc import Sequence
 from typing import Self
 
@@ -62,7 +63,7 @@ class StackedPhaseModulatedNetworks:
         generator: torch.Generator,
     ):
         self.layers = RowLayers.initial(models, (inputs, *hidden, kernels), generator)
-        readout = torch.randn(models, kernels, 1, generator=generator) / kernels**0.5
+        readout = torch.randn(models, kernels, 1, generator=generator) / math.sqrt(kernels)
         self.output_weights = readout.requires_grad_()
         self.kernel_scale = as_tensor(kernel_scale(kernels))
         self.dropout = Dropout(dropout, generator)

@@ -28,7 +28,7 @@ STAGES = {
 
 def motion_figures(results: MotionResults) -> dict[str, Drawing | Sequence[Drawing]]:
     """All figures, keyed by name."""
-    worst = results.test.loc[results.best].sort_values(ascending=False).index[:TRACED_JOINTS]
+    worst = results.test.loc[results.best].sort_values(ascending=False, kind="stable").index[:TRACED_JOINTS]
     first, *others = [torque_panel(results, joint) for joint in worst]
     drawn: dict[str, Drawing | Sequence[Drawing]] = {"motion": [joint_errors_panel(results), first]}
     if others:

@@ -134,7 +134,7 @@ class MotionResults(dict[str, pd.DataFrame]):
         over that of the torques; `norm_n_m`: mean norm.
         """
         key, joints = "/".join(model), len(self.joints)
-        blocks = matching(self["blocks"], part=self.tested).sort_values(["block", "joint"])
+        blocks = matching(self["blocks"], part=self.tested).sort_values(["block", "joint"], kind="stable")
         sums = blocks[["samples", "torque_squared", key]].to_numpy().reshape(-1, joints, 3)
         norms = matching(self["norms"], part=self.tested)[["samples", key]].to_numpy()
         counts = drawn_counts(len(sums), self.parameters.draws, SEED)

@@ -66,7 +66,9 @@ def cuts_section(files: TaskFiles) -> Section:
     cut = [name for name in by_name if name in set(segmentation.cuts["demonstration"])]
     drawn = sorted(cut, key=lambda name: name not in flagged)[:DRAWN] if own.presegmented is None else []
     points = pd.concat([segmentation.result(name).reset_index() for name in segmentation.primitives])
-    points = points[["demonstration", "primitive", *ENDS]].sort_values(["demonstration", "start_s"])
+    points = points[["demonstration", "primitive", *ENDS]].sort_values(
+        ["demonstration", "start_s"], kind="stable"
+    )
     facts = {
         "cut": len(cut),
         "presegmented": own.presegmented,
@@ -86,7 +88,7 @@ def cuts_section(files: TaskFiles) -> Section:
     }
     if own.presegmented is None:  # quality of each demonstration, the best first; outliers are bold
         made = quality(demonstrations, segmentation.results, own.fit.smoothing_hz)
-        ranked = made.sort_values("rank").reset_index(drop=True)[
+        ranked = made.sort_values("rank", kind="stable").reset_index(drop=True)[
             ["rank", "demonstration", *MEASURES, "outlier"]
         ]
         strong = frozenset(np.flatnonzero(ranked["outlier"] != "").tolist())

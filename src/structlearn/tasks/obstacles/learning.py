@@ -183,7 +183,9 @@ def beside_each_other(reaches: Sequence[SceneReach]) -> pd.DataFrame:
 
 def pictured_reaches(table: pd.DataFrame) -> list[str]:
     """Reaches for pictures, chosen by the scene alone: evenly spaced among the blocked ones."""
-    blocked = table.loc[(table["model"] == NONE) & table["blocked"], "reach"].sort_values().tolist()
+    blocked = (
+        table.loc[(table["model"] == NONE) & table["blocked"], "reach"].sort_values(kind="stable").tolist()
+    )
     count = min(SHOWN, len(blocked))
     return [blocked[(2 * place + 1) * len(blocked) // (2 * count)] for place in range(count)]
 

@@ -317,7 +317,7 @@ def servo_panels(runs: SkinRuns) -> list[Figure]:
         figure, axes = panel(title, 4.4, xlabel="x (mm)", ylabel="y (mm)", aspect="equal")
         middle = 0.5e3 * (reached[["x_m", "y_m"]].min() + reached[["x_m", "y_m"]].max()).to_numpy()
         for _, steps in reached[reached["trial"] < PATHS].groupby("trial"):
-            path = 1e3 * steps.sort_values("step")[["x_m", "y_m"]].to_numpy() - middle
+            path = 1e3 * steps.sort_values("step", kind="stable")[["x_m", "y_m"]].to_numpy() - middle
             target = 1e3 * steps[["target_x_m", "target_y_m"]].to_numpy()[0] - middle
             axes.plot(*np.array([path[0], target]).T, color=LIGHT_GREY, linewidth=0.9)
             axes.plot(*path.T, color=BLUE, linewidth=1.0)

@@ -78,7 +78,7 @@ def _maps(maps: pd.DataFrame, paths: pd.DataFrame | None) -> Panel:
     on_plate = [presses("plate", plate)]
     if paths is not None:
         shown = of_pair(paths, maps)
-        shown = shown[shown["trial"] < TRIALS].sort_values(["trial", "step"])
+        shown = shown[shown["trial"] < TRIALS].sort_values(["trial", "step"], kind="stable")
         time = np.arange(len(shown), dtype=float)
         for name, start, colour in (("probe", "", LIGHT_GREY), ("target", "target_", GREY)):
             places = drawn(shown[[f"{start}x_m", f"{start}y_m"]].to_numpy())
