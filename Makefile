@@ -16,12 +16,12 @@ help:
 # The table of findings is also in the README.
 TABLE_OF_README := sed -i -e '/^<!-- findings -->/,/^<!-- end of findings -->/{/^<!--/!d}' -e '/^<!-- findings -->/r reports/findings.md' README.md
 
-# The testbeds share no stage, so a first run makes two at a time, the longest first: one fills the cores while the
-# other waits. `dvc repro` does what is left.
+# The testbeds share no stage, so a first run makes three at a time, the longest first: one or two fill the cores while
+# another waits for DVC or for its slowest training. `dvc repro` does what is left.
 TESTBEDS := dynamics scraping servoing obstacles
 repro: $(INSTALLED)  ## run the whole pipeline, write reports/index.html
 ifeq ($(wildcard data/raw/scraping/nominal),)
-	@$(MAKE) --no-print-directory --jobs=2 $(TESTBEDS:%=stages-of-%)
+	@$(MAKE) --no-print-directory --jobs=3 $(TESTBEDS:%=stages-of-%)
 endif
 	$(IN_ENVIRONMENT) dvc repro
 	@$(BIN)/python -m structlearn.core.stage

@@ -8,7 +8,7 @@ from pathlib import Path
 
 import pytest
 from committed import ROOT, read_yaml
-from import_graph import closure, code_of, imported, modules, named
+from import_graph import closure, code_of, imported, module_of, modules, named
 
 from dissertation.evidence.claims import QUOTED
 
@@ -60,14 +60,14 @@ STARTS = {
     "pinocchio": "scraping/record_nominal scraping/expected_traces scraping/record_corrections "
     "scraping/evaluate_feedback scraping/refine scraping/evaluate_refinement scraping/compare_search "
     "dynamics/record_motion tasks/check engines dynamics/train "
-    "dynamics/online dynamics/track dynamics/view scraping/report dynamics/report",
-    "pybullet": "engines obstacles/report servoing/report scraping/loop scraping/report dynamics/report",
-    "torch": "scraping/train_feedback scraping/compare_models obstacles/train servoing/train_latent "
-    "servoing/servo servoing/other_skins dynamics/train dynamics/online dynamics/track dynamics/view "
-    "dynamics/report",
+    "dynamics/online dynamics/track dynamics/view scraping/report dynamics/report "
+    "scraping/results dynamics/results",
+    "pybullet": "engines",
+    "torch": "servoing/train_latent servoing/servo servoing/other_skins dynamics/train dynamics/online "
+    "dynamics/track dynamics/view dynamics/report",
     "rerun": "scraping/view obstacles/view servoing/view tasks/view dynamics/view",
     "matplotlib": "tasks/report tasks/recorded_report obstacles/report "
-    "servoing/report scraping/loop scraping/report dynamics/report",
+    "servoing/report scraping/report dynamics/report report",
 }  # fmt: skip
 """By slow library: the scripts that may load it when they start."""
 
@@ -97,10 +97,12 @@ def loaded_at_start(script: Path) -> set[Path]:
 
 @cache
 def files(name: str) -> list[Path]:
-    """The project's files that importing a dotted name runs: the module, and the packages above it."""
-    parts = name.split(".")
-    above = [SOURCES.joinpath(*parts[:depth], "__init__.py") for depth in range(1, len(parts) + 1)]
-    return [file for file in (*above, SOURCES.joinpath(*parts).with_suffix(".py")) if file.is_file()]
+    """The project's files that importing a dotted name runs: its module, and the packages above that."""
+    module = module_of(name)
+    if module is None:
+        return []
+    parts = module.split(".")
+    return [modules()[".".join(parts[:depth])] for depth in range(1, len(parts) + 1)]
 
 
 @cache

@@ -112,3 +112,59 @@ def test_processes_that_fill_the_cache_at_once_compile_once_and_mix_nothing(tmp_
     assert all(result in ([2 * v for v in values] for values in together) for result, _ in first)
     assert sum(misses for _, misses in first) == len(types)
     assert outcomes([sorted(types, key=abs)]) == [([2 * value for value in sorted(types, key=abs)], 0)]
+
+
+def fork_each(*works):
+    """Exit codes of functions, each in a process of its own."""
+    context = multiprocessing.get_context("fork")
+    processes = [context.Process(target=work) for work in works]
+    for process in processes:
+        process.start()
+    for process in processes:
+        process.join(timeout=60)
+    return [process.exitcode for process in processes]
+
+
+def test_a_process_waits_for_no_function_that_it_does_not_need(tmp_path, monkeypatch):
+    """One is kept in the middle of compiling until the other has compiled and saved."""
+    monkeypatch.setattr(compilation.numba.config, "CACHE_DIR", str(tmp_path / "cache"))
+    monkeypatch.syspath_prepend(tmp_path)
+    for name in ("first_of_two", "second_of_two"):
+        (tmp_path / f"{name}.py").write_text(FUNCTION)
+    begun, saved = (multiprocessing.get_context("fork").Event() for _ in range(2))
+
+    class Pause(compilation.Listener):
+        def on_start(self, event):
+            begun.set()
+            assert saved.wait(timeout=30)
+
+        def on_end(self, event):
+            pass
+
+    def pausing():
+        compilation.register("numba:compile", Pause())
+        assert importlib.import_module("first_of_two").doubled(2) == 4
+
+    def passing():
+        assert begun.wait(timeout=30)
+        assert importlib.import_module("second_of_two").doubled(2) == 4
+        saved.set()
+
+    assert fork_each(pausing, passing) == [0, 0]
+
+
+def test_processes_that_would_wait_for_each_other_do_not(tmp_path, monkeypatch):
+    """One of the two goes on without the lock; both give back what they hold at their ends."""
+    monkeypatch.setattr(compilation.numba.config, "CACHE_DIR", str(tmp_path))
+    context = multiprocessing.get_context("fork")
+    barrier, outcome = context.Barrier(2), context.Queue()
+
+    def both(first, second):
+        compilation.locks.on_start(None)
+        assert compilation.locks.acquire(first)
+        barrier.wait()
+        outcome.put(compilation.locks.acquire(second))
+        compilation.locks.on_end(None)
+
+    assert fork_each(lambda: both("caller", "callee"), lambda: both("callee", "caller")) == [0, 0]
+    assert sorted(outcome.get(timeout=10) for _ in range(2)) == [False, True]

@@ -1,8 +1,8 @@
 """Reduce what the evaluating stages wrote to one table of results (tables III.1, III.2, figure III.2)."""
 
 from dissertation.dynamics.files import read_tables
+from dissertation.dynamics.protocol.forms import EpochLimits
 from dissertation.dynamics.protocol.results import dynamics_results
-from dissertation.dynamics.protocol.trainings import DynamicsTrainingParameters
 from dissertation.dynamics.world.arm_motion import ArmMotionParameters
 from dissertation.dynamics.world.joint_logs import PerturbedRobotParameters, RecordMotionParameters
 from dissertation.evidence.results import FOLDER
@@ -11,7 +11,7 @@ from structlearn.core.stage import run, stage_parameters
 
 
 def main() -> None:
-    limits = stage_parameters("train_dynamics", DynamicsTrainingParameters).epochs
+    limits = stage_parameters("train_dynamics.epochs", EpochLimits)
     payload = stage_parameters("record_motion", RecordMotionParameters).payload
     log_s = stage_parameters("perturbed_robot", PerturbedRobotParameters).log_s
     motion = stage_parameters("arm_motion", ArmMotionParameters).used.cut(log_s)

@@ -12,7 +12,7 @@ from structlearn.rigid_body.model_names import ROBOT
 from structlearn.rigid_body.motion import Motion, measured_motion
 
 if TYPE_CHECKING:  # torch takes a second to load, and recording stages only need paths
-    from dissertation.dynamics.protocol.trainings import Form
+    from dissertation.dynamics.protocol.forms import Form
     from structlearn.rigid_body.dynamics_models import DynamicsModels
 
 DATA = Path("data/dynamics")

@@ -7,7 +7,7 @@ white background and on the viewer's dark one.
 from collections.abc import Mapping
 from typing import Any
 
-from dissertation.dynamics.protocol.trainings import CHOSEN, PLAIN
+from dissertation.dynamics.protocol.forms import CHOSEN, PLAIN
 from structlearn.palette import BLUE, GREEN, GREY, LIGHT_BLUE, OCHRE, ORANGE, PINK, WHITE
 from structlearn.rigid_body.model_names import COULOMB, DEFAULT, GROUND_TRUTH, IDEAL, ROBOT
 

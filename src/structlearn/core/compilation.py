@@ -18,12 +18,14 @@ An address is valid in its process only.
 """
 
 import atexit
+import errno
 import fcntl
 import hashlib
 import os
 import shutil
 import threading
 import time
+import zlib
 from contextlib import suppress
 from functools import partial
 from pathlib import Path
@@ -33,7 +35,7 @@ import numba as numba
 import numpy as np
 from llvmlite import ir
 from numba import types
-from numba.core.caching import UserProvidedCacheLocator
+from numba.core import caching
 from numba.core.errors import TypingError
 from numba.core.event import Event, Listener, register
 from numba.extending import intrinsic
@@ -45,7 +47,7 @@ LOCK = "lock"
 UNUSED_S = 30 * 86400.0  # age after which caches of other source states are removed
 
 
-class RelativeLocator(UserProvidedCacheLocator):
+class RelativeLocator(caching.UserProvidedCacheLocator):
     """Caches compiled functions of the package by module, not by the path of its folder."""
 
     @classmethod
@@ -57,37 +59,72 @@ class RelativeLocator(UserProvidedCacheLocator):
         return super().get_suitable_cache_subpath(py_file)
 
 
-class OneProcess(Listener):
-    """Lets one process at a time load, compile and save; the others wait, then load what it saved.
+class Locks(Listener):
+    """One lock of all processes for each compiled function, held until it is saved or the compiler ends.
 
-    Numba replaces index and data of a function in two steps, so two processes that compile it at the same
-    time would mix their files.
+    Compiling a function compiles its callees, so a process may hold several. They are byte ranges of one
+    file: the system gives these back when a process ends, does not share them with forked ones, and refuses
+    one for which two processes would wait for each other.
     """
 
     def __init__(self) -> None:
         self._entry = threading.Lock()
-        self._depth = 0  # compiling a function compiles its callees
+        self._depth = 0
         self._file = -1
 
     def on_start(self, event: Event) -> None:
-        """Wait for the other processes."""
+        """Open the file of locks."""
         with self._entry:
             if self._depth == 0:
-                # reopened, because forked processes share locks on the parent's open file
                 path = Path(_CONFIG.CACHE_DIR, LOCK)
                 path.parent.mkdir(parents=True, exist_ok=True)
                 self._file = os.open(path, os.O_RDWR | os.O_CREAT, 0o600)
                 os.utime(path)
-                with suppress(OSError):  # network file systems may not support locks
-                    fcntl.flock(self._file, fcntl.LOCK_EX)
             self._depth += 1
 
     def on_end(self, event: Event) -> None:
-        """Release the lock."""
+        """Close the file, which releases what a failed compilation still holds."""
         with self._entry:
             self._depth -= 1
             if self._depth == 0:
                 os.close(self._file)
+
+    def acquire(self, function: str) -> bool:
+        """Wait for a function's lock; False: its owner waits for this process."""
+        try:
+            fcntl.lockf(self._file, fcntl.LOCK_EX, 1, zlib.crc32(function.encode()))
+        except OSError as error:  # network file systems may not support locks
+            return error.errno != errno.EDEADLK
+        return True
+
+    def release(self, function: str) -> None:
+        """Let the next process have a function's lock."""
+        with suppress(OSError):
+            fcntl.lockf(self._file, fcntl.LOCK_UN, 1, zlib.crc32(function.encode()))
+
+
+class SharedFiles(caching.IndexDataCacheFile):
+    """Index and data of a function, which one process at a time loads, or compiles and saves.
+
+    Numba replaces them in two steps, so two processes that save a function at the same time would mix them.
+    Others wait, then load what was saved. What two processes would wait for each other for is compiled by
+    both and saved by one.
+    """
+
+    def load(self, key: Any) -> Any:
+        """Load a compiled function; if there is none, keep its lock."""
+        if not locks.acquire(self._index_name):
+            return None
+        data = super().load(key)
+        if data is not None:
+            locks.release(self._index_name)
+        return data
+
+    def save(self, key: Any, data: Any) -> None:
+        """Save a compiled function, and release its lock."""
+        if locks.acquire(self._index_name):
+            super().save(key, data)
+            locks.release(self._index_name)
 
 
 def use_own_cache(package: Path) -> None:
@@ -130,7 +167,9 @@ def sources_digest(package: Path) -> str:
 
 
 use_own_cache(PACKAGE)
-register("numba:compiler_lock", OneProcess())
+locks = Locks()
+register("numba:compiler_lock", locks)
+caching.IndexDataCacheFile = SharedFiles
 
 # after the cache's settings, which decorated functions read when they are defined
 

@@ -22,8 +22,8 @@ from dissertation.dynamics.names import (
     look,
 )
 from dissertation.dynamics.page.page import Raw, pick_up_s
+from dissertation.dynamics.protocol.forms import CHOSEN, FORMS, PLAIN
 from dissertation.dynamics.protocol.tracking import TrackedReach, tracked_reaches
-from dissertation.dynamics.protocol.trainings import CHOSEN, FORMS, PLAIN
 from dissertation.dynamics.world.arm_motion import SineParameters, sine_path
 from dissertation.dynamics.world.joint_logs import PayloadParameters
 from dissertation.evidence.results import Results

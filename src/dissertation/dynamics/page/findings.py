@@ -15,7 +15,7 @@ import numpy as np
 import pandas as pd
 
 from dissertation.dynamics.names import IDEAL, REACH, ROBOT, SINE
-from dissertation.dynamics.protocol.trainings import CHOSEN, FORMS, PART, Form
+from dissertation.dynamics.protocol.forms import CHOSEN, FORMS, PART, Form
 from dissertation.dynamics.protocol.truth import FRICTION_MODELS
 from dissertation.evidence.results import Population, Register, Results, Samples
 from structlearn.core.params import read_values

@@ -13,9 +13,9 @@ import pandas as pd
 
 from dissertation.dynamics.names import FORM_TITLES, IDEAL, REACH, ROBOT, SINE
 from dissertation.dynamics.page.findings import RIVALS, published
+from dissertation.dynamics.protocol.forms import CHOSEN, FORMS
 from dissertation.dynamics.protocol.results import CONDITIONS, SETTLED_SHARE, STOPPED_NMSE
 from dissertation.dynamics.protocol.training_choice import TABLE, choose, mean_scores
-from dissertation.dynamics.protocol.trainings import CHOSEN, FORMS
 from dissertation.dynamics.protocol.truth import FRICTION_MODELS
 from dissertation.dynamics.world.controlled_arm import OVERSPEED
 from dissertation.evidence.claims import judge, read_claims

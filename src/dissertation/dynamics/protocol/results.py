@@ -26,7 +26,7 @@ from collections.abc import Iterable, Mapping
 import numpy as np
 import pandas as pd
 
-from dissertation.dynamics.protocol.trainings import CHOSEN, EpochLimits
+from dissertation.dynamics.protocol.forms import CHOSEN, EpochLimits
 from dissertation.evidence.results import joined_results, long_table
 from structlearn.rigid_body.model_names import ROBOT
 

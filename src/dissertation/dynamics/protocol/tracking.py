@@ -9,7 +9,7 @@ import numpy as np
 import pandas as pd
 from pydantic import Field
 
-from dissertation.dynamics.protocol.trainings import Form
+from dissertation.dynamics.protocol.forms import Form
 from dissertation.dynamics.world.arm_motion import (
     ReachingParameters,
     SineParameters,

@@ -11,12 +11,13 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import partial
 from itertools import product
-from typing import Annotated, Literal, get_args
+from typing import Annotated
 
 import numpy as np
 import pandas as pd
 from pydantic import Field, NonNegativeInt, model_validator
 
+from dissertation.dynamics.protocol.forms import CHOSEN, FORMS, PART, PLAIN, EpochLimits, Form
 from structlearn.core.metrics import nmse
 from structlearn.core.parallel import parallel_map
 from structlearn.core.params import Parameters
@@ -47,26 +48,12 @@ ROBOT_FRICTIONS = {"mlp": ("none",), "mlp_scaled": ("none",), "delan": ("viscous
 
 STRUCTURE_FRICTIONS = ("viscous", "coulomb")  # all structures, on robots' logs
 
-Form = Literal["chosen", "plain"]
-FORMS: tuple[Form, ...] = get_args(Form)
-CHOSEN, PLAIN = FORMS
-
 STACKED: tuple[NetworkKind, ...] = ("mlp", "delan")
 """Kinds that learn all robots' logs as one stack: for single small networks, overhead would dominate."""
-
-PART = "part"
-"""Motion of the first part of `IDEAL`'s, to learn from less data."""
 
 UNPUBLISHED = ("mlp_scaled",)  # kinds that the dissertation does not have, and without a plain form
 
 Seeds = Annotated[tuple[NonNegativeInt, ...], Field(min_length=1)]
-
-
-class EpochLimits(Parameters):
-    """Largest number of epochs, for all kinds and forms."""
-
-    simulation: int = Field(ge=1)
-    robot: int = Field(ge=1)
 
 
 class ChosenTraining(AdamParameters):
