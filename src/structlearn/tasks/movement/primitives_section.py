@@ -8,7 +8,13 @@ from matplotlib.figure import Figure
 
 from structlearn import palette
 from structlearn.core import signals
-from structlearn.primitives.fitting import REPRODUCTION_ERRORS, Segment, orientations, segment_paths
+from structlearn.primitives.fitting import (
+    REPRODUCTION_ERRORS,
+    Segment,
+    orientations,
+    segment_paths,
+    sequence_segments,
+)
 from structlearn.primitives.position import in_local_frame
 from structlearn.primitives.sequence import PosePrimitive, largest_acceleration_jump
 from structlearn.primitives.trajectory import Trajectory
@@ -40,7 +46,7 @@ def primitives_section(files: TaskFiles) -> Section:
     """Section on the learned primitives and their distances from the demonstrations."""
     own, runs, primitives = files.entry(MovementEntry), files.runs("demonstrations"), files.primitives()
     cuts = learned_cuts(files.segmentation(), own.keep_flagged)
-    segments = {name: segment_paths(runs, cut, own.fit.smoothing_hz) for name, cut in cuts.items()}
+    segments = sequence_segments(runs, cuts, own.fit.smoothing_hz)
     reproduction = files.table("primitives/reproduction").query("regression == @own.fit.regression")
     errors = error_summary(reproduction)
     sequences = {title: files.table(f"primitives/{name}") for name, title in TITLES.items()}
