@@ -33,7 +33,7 @@ import pandas as pd
 import policy_search
 import torch
 import yaml
-from made_up_lab import JOINTS, entry, write_lab
+from made_up_lab import FINGERS, JOINTS, entry, write_lab
 from matplotlib.figure import Figure
 from primitive_inputs import AXES, DT, SAMPLES, SEED, demonstrations
 from timing import machine
@@ -150,7 +150,7 @@ def leave_one_out(count: int) -> Run:
 
 
 DEMONSTRATIONS = (10, 20, 40, 80, 160)
-LAB_S, LAB_HZ, LAB_MOVES = 6.0, 200.0, 2
+LAB_S, LAB_HZ, LAB_MOVES = 6.0, 100.0, 2
 FEEDBACK = {
     "settings": ["a", "b"],
     "primitives": ["reach"],
@@ -220,7 +220,15 @@ def _make_project(project: Path, bags: Sequence[Path]) -> None:
     feedback = {"executions": "runs", "corrections": "corrections", **FEEDBACK}
     tasks = {
         "movement": {"movement": entry(Path("runs"), LAB_MOVES, feedback=feedback)},
-        "motion": {"motion": {"source": "runs", "urdf": URDF, "topic": JOINTS, "iterations": 50}},
+        "motion": {
+            "motion": {
+                "source": "runs",
+                "urdf": URDF,
+                "topic": JOINTS,
+                "iterations": 50,
+                "locked_joints": FINGERS,
+            }
+        },
     }
     write_project(project, yaml.safe_dump(tasks), packaged_pipeline())
 

@@ -19,18 +19,15 @@ from pathlib import Path
 import pandas as pd
 import psutil
 import yaml
-from made_up_lab import write_lab
+from made_up_lab import FINGERS, write_lab
 from timing import at_least_one, machine
 
+from dissertation.simulation.pick_and_place import TIP, URDF
 from structlearn.core.artefacts import write_csv
 from structlearn.core.stage import read_times
 
 STAGES = "structlearn.tasks.stages."
-ROBOT = {
-    "urdf": "franka_panda/panda.urdf",
-    "tip": "panda_grasptarget",
-    "locked_joints": ["panda_finger_joint1", "panda_finger_joint2"],
-}
+ROBOT = {"urdf": URDF, "tip": TIP, "locked_joints": FINGERS}
 SAMPLED_S = 0.5
 
 

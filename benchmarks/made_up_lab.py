@@ -30,6 +30,7 @@ from structlearn.readers.raw_messages import write_bag
 from structlearn.rigid_body.urdf import urdf_path
 
 POSE, JOINTS, WRENCH = "/gripper/pose", "/joint_states", "/wrist/wrench"
+FINGERS = ["panda_finger_joint1", "panda_finger_joint2"]
 PAUSES_S = 0.9  # mean pause or rest, of which there is one more than moves
 CAPTURE_M, GRAVITY = 0.0003, 9.81  # m, std of the pose per axis
 KNOT_S = 0.05  # s between the samples whose joint angles are solved for; others are interpolated

@@ -132,7 +132,7 @@ HOLDS_NOTHING_OUT = {
 
 FITS_ALL = {
     "call those that have a case": "transfer.compare_sets motion.learn touch.learn obstacles.learn "
-    "parts.learn avoidance_fits._errors fitting.learn_sequence fitting.cross_validation "
+    "parts.learn avoidance_fits._errors fitting.learn_sequence "
     "autoencoded.train pca.train pca.train_on_codes",
     "what is compared with itself": "movement_learning.reproduction movement_learning.turn_errors "
     "drives_and_load.payload_check finger_statistics.pca_dimensions trainings._once_through "
@@ -255,7 +255,7 @@ def demonstrations(stretches=(1.0, 1.2, 0.85)) -> list[Demonstration]:
 
 def without_fold(monkeypatch, run: Callable[[Any], object], count: int, size: int) -> Callable[[Any], list]:
     """From data to the primitives without a fold of so many demonstrations, the one with `LEFT_OUT`."""
-    real, found = fitting.pose_subset_fit, []
+    real, found = fitting.learn_subsets, []
 
     def remembered(*arguments):
         fit = real(*arguments)
@@ -273,12 +273,14 @@ def without_fold(monkeypatch, run: Callable[[Any], object], count: int, size: in
         assert all((~used).sum() <= size < count for used, _ in found)
         return [one for used, one in found if not used[size * LEFT_OUT]]
 
-    monkeypatch.setattr(fitting, "pose_subset_fit", remembered)
+    monkeypatch.setattr(fitting, "learn_subsets", remembered)
     return learn
 
 
 @of_stage(
-    "scraping/fit_primitives", "tasks/primitives", fits="fitting.primitive_errors fitting.pose_subset_fit"
+    "scraping/fit_primitives",
+    "tasks/primitives",
+    fits="fitting.primitive_errors fitting.learn_primitive fitting.learn_subsets",
 )
 def primitives(monkeypatch, tmp_path):
     """Of every primitive and regression, the primitive learned from all demonstrations but one."""

@@ -11,8 +11,8 @@ from structlearn.core import quaternion
 from structlearn.core.errors import InputError
 from structlearn.core.params import Parameters
 from structlearn.primitives.kernels import Regression
-from structlearn.primitives.position import fit_position, position_subset_fit
-from structlearn.primitives.sequence import PosePrimitive, fit_orientation, orientation_subset_fit
+from structlearn.primitives.position import fit_position, fit_position_subsets
+from structlearn.primitives.sequence import PosePrimitive, fit_orientation, fit_orientation_subsets
 from structlearn.primitives.trajectory import (
     OrientationTrajectory,
     Trajectory,
@@ -147,7 +147,7 @@ def primitive_errors(
         for method in get_args(Regression)
     }
     size = min(fold, len(segments) // 2) or 1
-    without = pose_subset_fit(name, segments, parameters) if len(segments) > 1 else None
+    without = learn_subsets(name, segments, parameters) if len(segments) > 1 else None
     places = np.arange(len(segments))
     rows: dict[tuple[Regression, bool], list[dict[str, float]]] = {}
     for first in places[::size]:  # a fold after the other, since its primitives share features
@@ -164,14 +164,14 @@ def primitive_errors(
     ]
 
 
-def pose_subset_fit(
+def learn_subsets(
     name: str, segments: Sequence[Segment], parameters: FitParameters
 ) -> SubsetFit[PosePrimitive]:
     """As `learn_primitive`, from some of the segments at a time, by either regression."""
     positions, turns = zip(*segments, strict=True)
     count = parameters.kernel_count
-    position = position_subset_fit(positions, parameters.scaled_axes, count)
-    orientation = orientation_subset_fit(orientations(segments), count) if any(turns) else None
+    position = fit_position_subsets(positions, parameters.scaled_axes, count)
+    orientation = fit_orientation_subsets(orientations(segments), count) if any(turns) else None
 
     def fit(used: np.ndarray, method: Regression) -> PosePrimitive:
         return PosePrimitive(

@@ -50,7 +50,7 @@ def fit_quaternion(
     return _fitted(Boundaries.of(demonstrations), weights)
 
 
-def quaternion_subset_fit(
+def fit_quaternion_subsets(
     demonstrations: Sequence[OrientationTrajectory], kernel_count: int = kernels.KERNEL_COUNT
 ) -> SubsetFit[QuaternionPrimitive]:
     """As `fit_quaternion`, for some of the demonstrations at a time; samples are read only once."""

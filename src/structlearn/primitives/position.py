@@ -9,7 +9,7 @@ import numpy as np
 from structlearn.core.frames import FrameKind, frame_kind, local_frame
 from structlearn.primitives import kernels, transformation
 from structlearn.primitives.trajectory import Trajectory
-from structlearn.primitives.vector import SubsetFit, VectorPrimitive, fit_vector, vector_subset_fit
+from structlearn.primitives.vector import SubsetFit, VectorPrimitive, fit_vector, fit_vector_subsets
 
 SHORTEST_REACH = 0.01
 """m; shorter reaches use the base frame, because their direction is mostly noise."""
@@ -81,7 +81,7 @@ def fit_position(
     )
 
 
-def position_subset_fit(
+def fit_position_subsets(
     demonstrations: Sequence[Trajectory],
     scaled: Sequence[bool] = (False, False, False),
     kernel_count: int = kernels.KERNEL_COUNT,
@@ -92,7 +92,7 @@ def position_subset_fit(
     @cache
     def local_fit(kind: FrameKind) -> SubsetFit[VectorPrimitive]:
         local = [in_local_frame(path, kind) for path in demonstrations]
-        return vector_subset_fit(local, _scaled(scaled, kind), kernel_count)
+        return fit_vector_subsets(local, _scaled(scaled, kind), kernel_count)
 
     def fit(used: np.ndarray, method: kernels.Regression) -> PositionPrimitive:
         start, goal = starts[used].mean(axis=0), goals[used].mean(axis=0)

@@ -79,12 +79,12 @@ def fit_orientation(
     return twist_swing.fit_twist_swing(demonstrations, method, kernel_count)
 
 
-def orientation_subset_fit(
+def fit_orientation_subsets(
     demonstrations: Sequence[OrientationTrajectory], kernel_count: int = kernels.KERNEL_COUNT
 ) -> vector.SubsetFit[OrientationPrimitive]:
     """As `fit_orientation`, for some of the demonstrations at a time; twist-swing ones are fitted anew."""
     turns = twist_swing.Turns.of(demonstrations)
-    quaternion_fit = cache(partial(orientation.quaternion_subset_fit, demonstrations, kernel_count))
+    quaternion_fit = cache(partial(orientation.fit_quaternion_subsets, demonstrations, kernel_count))
 
     def fit(used: np.ndarray, method: kernels.Regression) -> OrientationPrimitive:
         if turns.of_some(used).largest <= LARGEST_SHORT_WAY:

@@ -123,7 +123,7 @@ SubsetFit = Callable[[np.ndarray, kernels.Regression], Fitted]
 """Primitive of the demonstrations that are used, a mask (L,), by a regression."""
 
 
-def vector_subset_fit(
+def fit_vector_subsets(
     demonstrations: Sequence[Trajectory],
     scaled: Sequence[bool] | None = None,
     kernel_count: int = kernels.KERNEL_COUNT,
