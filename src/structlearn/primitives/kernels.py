@@ -57,7 +57,7 @@ SHARED_BYTES = 2**28
 """Memory for features that movements of equal length share: those of 1300 lengths of 1 s at 1 kHz, or of 20
 lengths of a minute. A cache by number of lengths would be too small for short ones or too large for long."""
 
-_shared: dict[tuple[int, float, int], np.ndarray] = {}  # the last used is last
+shared_features: dict[tuple[int, float, int], np.ndarray] = {}  # the last used is last
 
 
 def sampled_features(samples: int, step: float, count: int = KERNEL_COUNT) -> np.ndarray:
@@ -65,16 +65,16 @@ def sampled_features(samples: int, step: float, count: int = KERNEL_COUNT) -> np
 
     `step`: sampling interval / tau, dimensionless.
     """
-    values = _shared.pop((samples, step, count), None)
+    values = shared_features.pop((samples, step, count), None)
     if values is None:
         values = features(*phase(step * np.arange(samples), 1.0), count)
         values.flags.writeable = False
-        held = values.nbytes + sum(others.nbytes for others in list(_shared.values()))
-        for key in list(_shared):
+        held = values.nbytes + sum(others.nbytes for others in list(shared_features.values()))
+        for key in list(shared_features):
             if held <= SHARED_BYTES:
                 break
-            held -= _shared.pop(key, values[:0]).nbytes
-    _shared[samples, step, count] = values
+            held -= shared_features.pop(key, values[:0]).nbytes
+    shared_features[samples, step, count] = values
     return values
 
 
