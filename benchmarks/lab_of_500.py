@@ -2,7 +2,7 @@
 
     python benchmarks/lab_of_500.py FOLDER [--count 500] [--seconds 60] [--rate 1000] [--output table.csv]
 
-The bags are made up (`made_up_lab`) and kept in FOLDER/bags, about 38 MB each; the project is FOLDER/lab.
+The bags are made up (`made_up_lab`) and kept in FOLDER/bags, about 20 MB each; the project is FOLDER/lab.
 Printed are minutes by the wall clock, of processors, and the peak of memory of each step with its processes;
 what they share counts once.
 """

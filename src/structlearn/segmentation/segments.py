@@ -10,7 +10,7 @@ additional correspondences (`wls`). Tasks on recorded data replace all crossings
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from functools import partial
+from functools import cached_property, partial
 from pathlib import Path
 
 import numpy as np
@@ -53,8 +53,13 @@ class Segmentation:
 
     def result(self, primitive: str, method: str = RESULT) -> pd.DataFrame:
         """Cuts of one primitive by one method (the reference's are its crossing); index: demonstration."""
-        chosen = self.cuts[(self.cuts["primitive"] == primitive) & (self.cuts["method"] == method)]
-        return chosen.set_index("demonstration")
+        return self._by_key.get((primitive, method), self.cuts[:0].set_index("demonstration"))
+
+    @cached_property
+    def _by_key(self) -> dict[tuple[str, str], pd.DataFrame]:
+        """Cuts by primitive and method, sorted out once: viewers ask for each demonstration."""
+        groups = self.cuts.groupby(["primitive", "method"], sort=False)
+        return {(str(name), str(method)): rows.set_index("demonstration") for (name, method), rows in groups}
 
 
 def write_segmentation(segmentation: Segmentation, folder: str | Path) -> None:
