@@ -67,7 +67,7 @@ def fit_from_positions() -> Case:
     mean = np.mean([path.position for path in paths], axis=0)
 
     def run() -> VectorPrimitive:
-        kernels.sampled_features.cache_clear()
+        kernels.shared_features.clear()
         return fit_vector([trajectory.differentiated(path.position, DT, CUTOFF_HZ) for path in paths])
 
     return Case(
@@ -87,7 +87,7 @@ def fit_lengths() -> Case:
     )
 
     def run() -> VectorPrimitive:
-        kernels.sampled_features.cache_clear()
+        kernels.shared_features.clear()
         return fit_vector(paths)
 
     return Case(
@@ -124,7 +124,7 @@ def unroll_new_duration() -> Case:
 
     def run() -> Trajectory:
         transformation.step_matrix.cache_clear()
-        kernels.sampled_features.cache_clear()
+        kernels.shared_features.clear()
         return primitive.unroll(DT)
 
     return Case(

@@ -131,7 +131,7 @@ HOLDS_NOTHING_OUT = {
 
 FITS_ALL = {
     "call those that have a case": "transfer.compare_sets motion.learn touch.learn obstacles.learn "
-    "parts.learn avoidance_fits._errors fitting.learn_sequence fitting.cross_validation "
+    "parts.learn avoidance_fits._errors fitting.learn_sequence "
     "autoencoded.train pca.train pca.train_on_codes",
     "what is compared with itself": "movement_learning.reproduction movement_learning.turn_errors "
     "drives_and_load.payload_check finger_statistics.pca_dimensions trainings._once_through "
@@ -252,14 +252,41 @@ def demonstrations(stretches=(1.0, 1.2, 0.85)) -> list[Demonstration]:
     return [two_move_demonstration(f"{place}", one) for place, one in enumerate(stretches)]
 
 
-@of_stage("scraping/fit_primitives", "tasks/primitives", fits="fitting._left_out fitting.learn_primitive")
+def without_fold(monkeypatch, run: Callable[[Any], object], count: int, size: int) -> Callable[[Any], list]:
+    """From data to the primitives without a fold of so many demonstrations, the one with `LEFT_OUT`."""
+    real, found = fitting.learn_subsets, []
+
+    def remembered(*arguments):
+        fit = real(*arguments)
+
+        def of_some(used, method):
+            found.append((used, fit(used, method)))
+            return found[-1][1]
+
+        return of_some
+
+    @once
+    def learn(data):
+        found.clear()
+        run(data)
+        assert all((~used).sum() <= size < count for used, _ in found)
+        return [one for used, one in found if not used[size * LEFT_OUT]]
+
+    monkeypatch.setattr(fitting, "learn_subsets", remembered)
+    return learn
+
+
+@of_stage(
+    "scraping/fit_primitives",
+    "tasks/primitives",
+    fits="fitting.primitive_errors fitting.learn_primitive fitting.learn_subsets",
+)
 def primitives(monkeypatch, tmp_path):
     """Of every primitive and regression, the primitive learned from all demonstrations but one."""
     data = demonstrations()
     cuts = cut(data, CUTTING).results
-    learn = each(monkeypatch, fitting, "learn_primitive", lambda its: cross_validation(its, cuts, FIT))
-    without_one = slice(1 + LEFT_OUT, None, 1 + len(data))  # the first is learned from all
-    return Case(lambda its: learn(its)[without_one], data, moved(data, LEFT_OUT), moved(data, ANOTHER))
+    learn = without_fold(monkeypatch, lambda its: cross_validation(its, cuts, FIT), len(data), 1)
+    return Case(learn, data, moved(data, LEFT_OUT), moved(data, ANOTHER))
 
 
 def higher(place: int | None = None) -> list[Demonstration]:
@@ -274,11 +301,9 @@ def higher(place: int | None = None) -> list[Demonstration]:
 @of_stage("tasks/primitives")
 def two_at_a_time(monkeypatch, tmp_path):
     cuts = segmented(higher(), "reach", None).results
-    learn = each(
-        monkeypatch, fitting, "learn_primitive", lambda its: cross_validation(its, cuts, FIT, fold=2)
-    )
-    second = 1 + LEFT_OUT  # the first is learned from all
-    return Case(lambda its: learn(its)[second], higher(), higher(2 * LEFT_OUT), higher(2 * ANOTHER))
+    run = lambda its: cross_validation(its, cuts, FIT, fold=2)  # noqa: E731
+    learn = without_fold(monkeypatch, run, len(higher()), 2)
+    return Case(learn, higher(), higher(2 * LEFT_OUT), higher(2 * ANOTHER))
 
 
 @of_stage("tasks/feedback")

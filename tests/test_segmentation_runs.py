@@ -14,7 +14,7 @@ from dissertation.simulation.pick_and_place import SLOW, as_recording, takes, wr
 from structlearn.core import quaternion
 from structlearn.core.errors import InputError
 from structlearn.readers import Demonstration, read_demonstrations, synchronise
-from structlearn.segmentation import find_crossings
+from structlearn.segmentation import find_crossings, run_assignment
 from structlearn.segmentation import motion_runs as runs
 from structlearn.segmentation.parameters import SegmentParameters
 from structlearn.segmentation.run_assignment import (
@@ -172,6 +172,19 @@ def test_a_move_that_is_not_made_is_named_with_the_runs_and_the_thresholds():
     assert segmentation.left_out["demonstration"].tolist() == ["04"]
     kept = [take for take in made if take.name != "04"]
     assert np.abs(errors_s(kept, segmentation)).max() < 0.15
+
+
+def test_of_many_demonstrations_an_even_part_is_tried_as_the_pattern(monkeypatch):
+    """So that twice as many cost twice as much; all are cut as before."""
+    made = takes(3, 2)
+    expected = segmentation_of(made, 2)
+    monkeypatch.setattr(run_assignment, "PATTERNS", 3 * run_assignment.FEWEST_PATTERNS)
+    chains, tried = run_assignment._chains, []
+    monkeypatch.setattr(run_assignment, "_chains", lambda *given: tried.append(1) or chains(*given))
+    found = segmentation_of(made, 2)
+    assert len(tried) == 3
+    assert found.reference in {"01", "03", "05"}
+    assert np.abs(errors_s(made, found) - errors_s(made, expected)).max() < 0.05
 
 
 def test_too_few_primitives_leave_motion_that_is_told_of(tmp_path):

@@ -8,6 +8,7 @@ from pydantic import ValidationError
 
 from structlearn.core.artefacts import write_table
 from structlearn.core.errors import InputError
+from structlearn.core.parallel import BACKEND, PROCESSES
 from structlearn.primitives import fitting
 from structlearn.segmentation.alignment import METHODS
 from structlearn.segmentation.cut_errors import cut_errors
@@ -31,6 +32,15 @@ def parameters(**changes) -> SegmentParameters:
 @pytest.fixture(scope="module")
 def segmentation(two_move_demonstrations):
     return cut(two_move_demonstrations, parameters())
+
+
+@pytest.mark.parametrize("backend", ["fork", "sequential"])
+def test_processes_do_not_change_the_cuts(two_move_demonstrations, segmentation, backend, monkeypatch):
+    monkeypatch.setenv(BACKEND, backend)
+    monkeypatch.setenv(PROCESSES, "2")
+    found = cut(two_move_demonstrations, parameters())
+    for name in ("cuts", "pairs", "left_out", "warnings"):
+        pd.testing.assert_frame_equal(getattr(found, name), getattr(segmentation, name), check_exact=True)
 
 
 def test_known_cut_points_are_found(two_move_demonstrations, segmentation):

@@ -289,7 +289,7 @@ def _topics(take: Take) -> dict[str, RawMessages]:
     capture = _captured(take)
     rng = np.random.default_rng(take.arm)
     stamps, fingers = _stamps(take, JOINTS_EVERY, rng), _stamps(take, GRIPPER_EVERY, rng)
-    names, angles = _joint_angles(take.position[::JOINTS_EVERY], take.orientation[::JOINTS_EVERY])
+    names, angles = joint_angles(take.position[::JOINTS_EVERY], take.orientation[::JOINTS_EVERY])
     velocities = np.gradient(angles, JOINTS_EVERY / GRID_HZ, axis=0)
     opening = np.repeat(take.opening[::GRIPPER_EVERY, None], 2, axis=1)
     force = np.outer(-9.81 * take.load[::JOINTS_EVERY], [0.0, 0.0, 1.0])
@@ -318,7 +318,7 @@ def _start_ns(take: Take) -> int:
     return EPOCH_NS + (int(take.name) - 1) * BETWEEN_NS
 
 
-def _joint_angles(position: np.ndarray, orientation: np.ndarray) -> tuple[list[str], np.ndarray]:
+def joint_angles(position: np.ndarray, orientation: np.ndarray) -> tuple[list[str], np.ndarray]:
     """Names of the arm's joints, and joint angles (N, 7) in rad for fingertip poses.
 
     Each solution starts from the previous one, so that angles do not jump.

@@ -11,14 +11,15 @@ from structlearn.core import quaternion
 from structlearn.core.errors import InputError
 from structlearn.core.params import Parameters
 from structlearn.primitives.kernels import Regression
-from structlearn.primitives.position import fit_position
-from structlearn.primitives.sequence import PosePrimitive, fit_orientation
+from structlearn.primitives.position import fit_position, fit_position_subsets
+from structlearn.primitives.sequence import PosePrimitive, fit_orientation, fit_orientation_subsets
 from structlearn.primitives.trajectory import (
     OrientationTrajectory,
     Trajectory,
     differentiated,
     differentiated_orientation,
 )
+from structlearn.primitives.vector import SubsetFit
 from structlearn.readers.demonstration import Demonstration
 
 
@@ -53,20 +54,36 @@ def segment_paths(
     `cuts`: index demonstration, columns `start_s`, `end_s`. Raises InputError: a segment has fewer than three
     samples, or some demonstrations have no orientation.
     """
-    segments: list[Segment] = []
-    for demonstration in (run for run in demonstrations if run.name in cuts.index):
-        cut = cuts.loc[demonstration.name]
-        first, last = (round(float(cut[end]) / demonstration.dt) for end in ("start_s", "end_s"))
-        if last - first < 2:
-            raise InputError(f"{demonstration.name}: a segment has fewer than three samples")
-        position = differentiated(demonstration.position, demonstration.dt, smoothing_hz)
-        orientation = None
+    return sequence_segments(demonstrations, {"": cuts}, smoothing_hz)[""]
+
+
+def sequence_segments(
+    demonstrations: Sequence[Demonstration], cuts: Mapping[str, pd.DataFrame], smoothing_hz: float
+) -> dict[str, list[Segment]]:
+    """Segments of several primitives as in `segment_paths`; each demonstration is smoothed only once."""
+    segments: dict[str, list[Segment]] = {name: [] for name in cuts}
+    for demonstration in demonstrations:
+        own = {
+            name: rows.loc[demonstration.name]
+            for name, rows in cuts.items()
+            if demonstration.name in rows.index
+        }
+        if not own:
+            continue
+        dt = demonstration.dt
+        position, orientation = differentiated(demonstration.position, dt, smoothing_hz), None
         if demonstration.orientation is not None:
-            path = differentiated_orientation(demonstration.orientation, demonstration.dt, smoothing_hz)
-            orientation = path.cut(first, last)
-        segments.append((position.cut(first, last), orientation))
-    if len({orientation is None for _, orientation in segments}) > 1:
-        raise InputError("some demonstrations have an orientation and some have none")
+            orientation = differentiated_orientation(demonstration.orientation, dt, smoothing_hz)
+        for name, cut in own.items():
+            ends = [round(float(cut[end]) / dt) for end in ("start_s", "end_s")]
+            if ends[1] - ends[0] < 2:
+                raise InputError(f"{demonstration.name}: a segment has fewer than three samples")
+            segments[name].append(
+                (position.cut(*ends), None if orientation is None else orientation.cut(*ends))
+            )
+    for of_primitive in segments.values():
+        if len({orientation is None for _, orientation in of_primitive}) > 1:
+            raise InputError("some demonstrations have an orientation and some have none")
     return segments
 
 
@@ -93,10 +110,8 @@ def learn_sequence(
 
     `cuts`: by primitive in order of time, each as in `segment_paths`.
     """
-    return [
-        learn_primitive(name, segment_paths(demonstrations, own_cuts, parameters.smoothing_hz), parameters)
-        for name, own_cuts in cuts.items()
-    ]
+    segments = sequence_segments(demonstrations, cuts, parameters.smoothing_hz)
+    return [learn_primitive(name, of_primitive, parameters) for name, of_primitive in segments.items()]
 
 
 def cross_validation(
@@ -111,32 +126,59 @@ def cross_validation(
     half of them. Returns rows of `reproduction_errors` with `primitive`, `demonstration`, `regression` and
     `left_out`: False if the primitive was learned from all demonstrations, True if without this fold.
     """
+    segments = sequence_segments(demonstrations, cuts, parameters.smoothing_hz)
     tables = []
-    for name, own_cuts in cuts.items():
-        segments = segment_paths(demonstrations, own_cuts, parameters.smoothing_hz)
-        names = [
-            demonstration.name for demonstration in demonstrations if demonstration.name in own_cuts.index
-        ]
-        for regression in get_args(Regression):
-            choice = parameters.model_copy(update={"regression": regression})
-            errors = {False: reproduction_errors(learn_primitive(name, segments, choice), segments)}
-            if len(segments) > 1:
-                errors[True] = _left_out(name, segments, choice, min(fold, len(segments) // 2))
-            tables += [
-                table.assign(primitive=name, demonstration=names, regression=regression, left_out=left_out)
-                for left_out, table in errors.items()
-            ]
+    for name, of_primitive in segments.items():
+        names = [run.name for run in demonstrations if run.name in cuts[name].index]
+        tables += primitive_errors(name, of_primitive, names, parameters, fold)
     return pd.concat(tables, ignore_index=True)
 
 
-def _left_out(name: str, segments: Sequence[Segment], parameters: FitParameters, size: int) -> pd.DataFrame:
-    """Errors of segments against primitives learned from all but their fold."""
-    errors = []
-    for first in range(0, len(segments), size):
-        fold = slice(first, first + size)
-        others = [*segments[:first], *segments[fold.stop :]]
-        errors.append(reproduction_errors(learn_primitive(name, others, parameters), segments[fold]))
-    return pd.concat(errors)
+def primitive_errors(
+    name: str,
+    segments: Sequence[Segment],
+    demonstrations: Sequence[str],
+    parameters: FitParameters,
+    fold: int,
+) -> list[pd.DataFrame]:
+    """Rows of `cross_validation` for one primitive, from its segments and their demonstrations' names."""
+    learned = {
+        method: learn_primitive(name, segments, parameters.model_copy(update={"regression": method}))
+        for method in get_args(Regression)
+    }
+    size = min(fold, len(segments) // 2) or 1
+    without = learn_subsets(name, segments, parameters) if len(segments) > 1 else None
+    places = np.arange(len(segments))
+    rows: dict[tuple[Regression, bool], list[dict[str, float]]] = {}
+    for first in places[::size]:  # a fold after the other, since its primitives share features
+        used = (places < first) | (places >= first + size)
+        for method, of_all in learned.items():
+            primitives = {False: of_all} if without is None else {False: of_all, True: without(used, method)}
+            for left_out, primitive in primitives.items():
+                errors = [_errors(primitive, *segments[place]) for place in places[~used].tolist()]
+                rows.setdefault((method, left_out), []).extend(errors)
+    keys = {"primitive": name, "demonstration": list(demonstrations)}
+    return [
+        pd.DataFrame(errors).assign(**keys, regression=method, left_out=left_out)
+        for (method, left_out), errors in rows.items()
+    ]
+
+
+def learn_subsets(
+    name: str, segments: Sequence[Segment], parameters: FitParameters
+) -> SubsetFit[PosePrimitive]:
+    """As `learn_primitive`, from some of the segments at a time, by either regression."""
+    positions, turns = zip(*segments, strict=True)
+    count = parameters.kernel_count
+    position = fit_position_subsets(positions, parameters.scaled_axes, count)
+    orientation = fit_orientation_subsets(orientations(segments), count) if any(turns) else None
+
+    def fit(used: np.ndarray, method: Regression) -> PosePrimitive:
+        return PosePrimitive(
+            name, position(used, method), None if orientation is None else orientation(used, method)
+        )
+
+    return fit
 
 
 def reproduction_errors(primitive: PosePrimitive, segments: Sequence[Segment]) -> pd.DataFrame:
@@ -145,22 +187,26 @@ def reproduction_errors(primitive: PosePrimitive, segments: Sequence[Segment]) -
     One row per segment: `mean_mm`, `max_mm`, `end_mm`, `nmse` (all axes together) and, with an orientation,
     `mean_deg`, `max_deg`, `end_deg`.
     """
-    rows = []
-    for position, orientation in segments:
-        path = primitive.position.unroll(
-            position.dt, position.position[0], position.position[-1], position.duration
+    return pd.DataFrame([_errors(primitive, *segment) for segment in segments])
+
+
+def _errors(
+    primitive: PosePrimitive, position: Trajectory, orientation: OrientationTrajectory | None
+) -> dict[str, float]:
+    """Row of `reproduction_errors`."""
+    path = primitive.position.unroll(
+        position.dt, position.position[0], position.position[-1], position.duration
+    )
+    distance = 1e3 * np.linalg.norm(path.position - position.position, axis=1)
+    row = {"mean_mm": distance.mean(), "max_mm": distance.max(), "end_mm": distance[-1]}
+    row["nmse"] = _overall_nmse(path.position, position.position)
+    if orientation is not None and primitive.orientation is not None:
+        turn = primitive.orientation.unroll(
+            orientation.dt, orientation.orientation[0], orientation.orientation[-1], orientation.duration
         )
-        distance = 1e3 * np.linalg.norm(path.position - position.position, axis=1)
-        row = {"mean_mm": distance.mean(), "max_mm": distance.max(), "end_mm": distance[-1]}
-        row["nmse"] = _overall_nmse(path.position, position.position)
-        if orientation is not None and primitive.orientation is not None:
-            turn = primitive.orientation.unroll(
-                orientation.dt, orientation.orientation[0], orientation.orientation[-1], orientation.duration
-            )
-            angle = np.degrees(quaternion.angle_between(turn.orientation, orientation.orientation))
-            row |= {"mean_deg": angle.mean(), "max_deg": angle.max(), "end_deg": angle[-1]}
-        rows.append(row)
-    return pd.DataFrame(rows)
+        angle = np.degrees(quaternion.angle_between(turn.orientation, orientation.orientation))
+        row |= {"mean_deg": angle.mean(), "max_deg": angle.max(), "end_deg": angle[-1]}
+    return row
 
 
 def reproduction_summary(errors: pd.DataFrame) -> pd.DataFrame:

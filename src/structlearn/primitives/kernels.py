@@ -10,9 +10,10 @@ number of samples therefore share them in the regression, and all axes and demon
 matrix product.
 """
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Sequence
+from dataclasses import dataclass
 from functools import lru_cache
-from typing import Literal
+from typing import Literal, Self
 
 import numpy as np
 
@@ -52,14 +53,28 @@ def features(p: np.ndarray | float, u: np.ndarray | float, count: int = KERNEL_C
     return np.moveaxis(values, 0, -1)
 
 
-@lru_cache(maxsize=64)
+SHARED_BYTES = 2**28
+"""Memory for features that movements of equal length share: those of 1300 lengths of 1 s at 1 kHz, or of 20
+lengths of a minute. A cache by number of lengths would be too small for short ones or too large for long."""
+
+shared_features: dict[tuple[int, float, int], np.ndarray] = {}  # the last used is last
+
+
 def sampled_features(samples: int, step: float, count: int = KERNEL_COUNT) -> np.ndarray:
     """Features (T, N) at T samples of a movement, read-only; movements of equal length share the array.
 
     `step`: sampling interval / tau, dimensionless.
     """
-    values = features(*phase(step * np.arange(samples), 1.0), count)
-    values.flags.writeable = False
+    values = shared_features.pop((samples, step, count), None)
+    if values is None:
+        values = features(*phase(step * np.arange(samples), 1.0), count)
+        values.flags.writeable = False
+        held = values.nbytes + sum(others.nbytes for others in list(shared_features.values()))
+        for key in list(shared_features):
+            if held <= SHARED_BYTES:
+                break
+            held -= shared_features.pop(key, values[:0]).nbytes
+    shared_features[samples, step, count] = values
     return values
 
 
@@ -94,30 +109,49 @@ def forcing_weights(
     for target, scale in zip(targets, scales, strict=True):
         squared, scaled = groups.get(len(target), (0.0, 0.0))
         groups[len(target)] = (squared + scale**2, scaled + scale * target)
-    solve = _joint if method == "joint" else _local
-    return solve([(unit_features(samples, count), *sums) for samples, sums in sorted(groups.items())])
+    normal, moment = np.zeros(()), np.zeros(())
+    for samples, (squared, scaled) in sorted(groups.items()):
+        shared = unit_features(samples, count)
+        normal = normal + np.multiply.outer(squared, shared.T @ shared)
+        moment = moment + shared.T @ scaled
+    return _solved(normal, moment, method)
 
 
-Groups = list[tuple[np.ndarray, np.ndarray, np.ndarray]]
-"""Per length: features (T, N), summed squared scales (D,), summed scaled targets (T, D)."""
+@dataclass(frozen=True)
+class NormalEquations:
+    """Normal equations of L demonstrations: primitives of any of them need no second pass over the samples.
+
+    Those that are used are summed anew for each primitive, in L N^2 operations, which is little beside the
+    samples. What is left out could be subtracted from the sum of all instead, but where it is most of that
+    sum (scaled axes weigh by the square of the reach), the difference would lose digits.
+    """
+
+    gram: np.ndarray  # (L, N, N) features^T features
+    moment: np.ndarray  # (L, N, D) features^T target
+
+    @classmethod
+    def of(cls, targets: Sequence[np.ndarray], count: int = KERNEL_COUNT) -> Self:
+        """`targets`, `count`: as in `forcing_weights`."""
+        grams, moments = {}, []
+        for target in targets:
+            shared = unit_features(len(target), count)
+            if len(target) not in grams:
+                grams[len(target)] = shared.T @ shared
+            moments.append(shared.T @ target)
+        return cls(np.stack([grams[len(target)] for target in targets]), np.stack(moments))
+
+    def weights(self, used: np.ndarray, scales: np.ndarray | None, method: Regression) -> np.ndarray:
+        """As `forcing_weights`, of the demonstrations in a mask (L,); `scales`: theirs."""
+        of_all = np.zeros((len(used), self.moment.shape[2]))  # 0: not used, and no copy of the others
+        of_all[used] = 1.0 if scales is None else scales
+        normal = np.tensordot(of_all.T**2, self.gram, axes=1)
+        return _solved(normal, np.einsum("ld,lnd->nd", of_all, self.moment), method)
 
 
-def _total(terms: Iterable[np.ndarray]) -> np.ndarray:
-    return sum(terms, start=np.zeros(()))
-
-
-def _joint(groups: Groups) -> np.ndarray:
-    normal = _total(np.multiply.outer(squared, features.T @ features) for features, squared, _ in groups)
-    moment = _total(features.T @ scaled for features, _, scaled in groups)  # (N, D)
+def _solved(normal: np.ndarray, moment: np.ndarray, method: Regression) -> np.ndarray:
+    """Weights (N, D) from summed normal equations (D, N, N) and moments (N, D)."""
+    if method == "local":  # theta_i = sum psi_i u f / sum psi_i u^2, and the features psi u sum up to u
+        return moment / normal.sum(axis=2).T
     ridge = RIDGE * np.trace(normal, axis1=1, axis2=2) / normal.shape[1]
-    normal += ridge[:, None, None] * np.eye(normal.shape[1])  # (D, N, N)
+    normal = normal + ridge[:, None, None] * np.eye(normal.shape[1])
     return np.linalg.solve(normal, moment.T[..., None])[..., 0].T
-
-
-def _local(groups: Groups) -> np.ndarray:
-    """Theta_i = sum psi_i u f / sum psi_i u^2: `features` are psi u with psi normalised, u their sum."""
-    numerator = _total(features.T @ scaled for features, _, scaled in groups)
-    denominator = _total(
-        np.outer(features.T @ features.sum(axis=1), squared) for features, squared, _ in groups
-    )
-    return numerator / denominator

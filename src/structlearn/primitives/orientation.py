@@ -19,7 +19,7 @@ from structlearn.core.compilation import numba
 from structlearn.primitives import canonical, kernels
 from structlearn.primitives.trajectory import OrientationTrajectory
 from structlearn.primitives.transformation import ALPHA, ALPHA_G, BETA, Array, Coupling, step_matrix
-from structlearn.primitives.vector import ForcedPrimitive, mean_initial_state
+from structlearn.primitives.vector import Boundaries, ForcedPrimitive, SubsetFit
 
 
 @dataclass(frozen=True)
@@ -46,12 +46,30 @@ def fit_quaternion(
 
     `demonstrations`: each with (T_l, 4) orientations.
     """
-    targets = [forcing_target(path, canonical.time_constant(path.duration)) for path in demonstrations]
-    weights = kernels.forcing_weights(targets, None, method, kernel_count)
-    start, goal = (
-        quaternion.mean(np.array([path.orientation[at] for path in demonstrations])) for at in (0, -1)
-    )
-    return QuaternionPrimitive(weights, start, goal, *mean_initial_state(demonstrations))
+    weights = kernels.forcing_weights(_forcing_targets(demonstrations), None, method, kernel_count)
+    return _fitted(Boundaries.of(demonstrations), weights)
+
+
+def fit_quaternion_subsets(
+    demonstrations: Sequence[OrientationTrajectory], kernel_count: int = kernels.KERNEL_COUNT
+) -> SubsetFit[QuaternionPrimitive]:
+    """As `fit_quaternion`, for some of the demonstrations at a time; samples are read only once."""
+    ends = Boundaries.of(demonstrations)
+    equations = kernels.NormalEquations.of(_forcing_targets(demonstrations), kernel_count)
+
+    def fit(used: np.ndarray, method: kernels.Regression) -> QuaternionPrimitive:
+        return _fitted(ends.of_some(used), equations.weights(used, None, method))
+
+    return fit
+
+
+def _forcing_targets(demonstrations: Sequence[OrientationTrajectory]) -> list[np.ndarray]:
+    return [forcing_target(path, canonical.time_constant(path.duration)) for path in demonstrations]
+
+
+def _fitted(ends: Boundaries, weights: np.ndarray) -> QuaternionPrimitive:
+    start, goal = quaternion.mean(ends.start), quaternion.mean(ends.goal)
+    return QuaternionPrimitive(weights, start, goal, *ends.initial_state)
 
 
 def initial_goal(

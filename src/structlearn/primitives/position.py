@@ -2,13 +2,14 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import cache
 
 import numpy as np
 
 from structlearn.core.frames import FrameKind, frame_kind, local_frame
 from structlearn.primitives import kernels, transformation
 from structlearn.primitives.trajectory import Trajectory
-from structlearn.primitives.vector import VectorPrimitive, fit_vector
+from structlearn.primitives.vector import SubsetFit, VectorPrimitive, fit_vector, fit_vector_subsets
 
 SHORTEST_REACH = 0.01
 """m; shorter reaches use the base frame, because their direction is mostly noise."""
@@ -75,8 +76,35 @@ def fit_position(
     start, goal = (np.mean([path.position[at] for path in demonstrations], axis=0) for at in (0, -1))
     kind = frame_kind(goal - start, SHORTEST_REACH)
     local = [in_local_frame(path, kind) for path in demonstrations]
-    axes = scaled if kind != "world" else (False, False, False)
-    return PositionPrimitive(fit_vector(local, axes, method, kernel_count), kind, start, goal)
+    return PositionPrimitive(
+        fit_vector(local, _scaled(scaled, kind), method, kernel_count), kind, start, goal
+    )
+
+
+def fit_position_subsets(
+    demonstrations: Sequence[Trajectory],
+    scaled: Sequence[bool] = (False, False, False),
+    kernel_count: int = kernels.KERNEL_COUNT,
+) -> SubsetFit[PositionPrimitive]:
+    """As `fit_position`, for some of the demonstrations at a time; samples are read once per frame kind."""
+    starts, goals = (np.array([path.position[at] for path in demonstrations]) for at in (0, -1))
+
+    @cache
+    def local_fit(kind: FrameKind) -> SubsetFit[VectorPrimitive]:
+        local = [in_local_frame(path, kind) for path in demonstrations]
+        return fit_vector_subsets(local, _scaled(scaled, kind), kernel_count)
+
+    def fit(used: np.ndarray, method: kernels.Regression) -> PositionPrimitive:
+        start, goal = starts[used].mean(axis=0), goals[used].mean(axis=0)
+        kind = frame_kind(goal - start, SHORTEST_REACH)
+        return PositionPrimitive(local_fit(kind)(used, method), kind, start, goal)
+
+    return fit
+
+
+def _scaled(scaled: Sequence[bool], kind: FrameKind) -> Sequence[bool]:
+    """Axes of the local frame to scale: none of the base frame's, which do not follow the reach."""
+    return scaled if kind != "world" else (False, False, False)
 
 
 def in_local_frame(trajectory: Trajectory, kind: FrameKind) -> Trajectory:

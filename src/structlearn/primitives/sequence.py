@@ -2,6 +2,8 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import cache, partial
+from itertools import compress
 from typing import TYPE_CHECKING, TypeVar
 
 import numpy as np
@@ -10,7 +12,7 @@ from pydantic import Field
 from structlearn.core import quaternion
 from structlearn.core.frames import UP
 from structlearn.core.params import Parameters
-from structlearn.primitives import kernels, orientation, position, twist_swing
+from structlearn.primitives import kernels, orientation, position, twist_swing, vector
 from structlearn.primitives.trajectory import OrientationTrajectory, Trajectory
 
 if TYPE_CHECKING:
@@ -75,6 +77,21 @@ def fit_orientation(
     if twist_swing.largest_turn(demonstrations) <= LARGEST_SHORT_WAY:
         return orientation.fit_quaternion(demonstrations, method, kernel_count)
     return twist_swing.fit_twist_swing(demonstrations, method, kernel_count)
+
+
+def fit_orientation_subsets(
+    demonstrations: Sequence[OrientationTrajectory], kernel_count: int = kernels.KERNEL_COUNT
+) -> vector.SubsetFit[OrientationPrimitive]:
+    """As `fit_orientation`, for some of the demonstrations at a time; twist-swing ones are fitted anew."""
+    turns = twist_swing.Turns.of(demonstrations)
+    quaternion_fit = cache(partial(orientation.fit_quaternion_subsets, demonstrations, kernel_count))
+
+    def fit(used: np.ndarray, method: kernels.Regression) -> OrientationPrimitive:
+        if turns.of_some(used).largest <= LARGEST_SHORT_WAY:
+            return quaternion_fit()(used, method)
+        return twist_swing.fit_twist_swing(list(compress(demonstrations, used)), method, kernel_count)
+
+    return fit
 
 
 def default_goals(primitives: Sequence[PosePrimitive]) -> list[PoseGoal]:

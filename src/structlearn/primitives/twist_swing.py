@@ -12,6 +12,7 @@ the origin of the chart. The chart is singular only where the axis itself is tur
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import Self
 
 import numpy as np
 
@@ -80,6 +81,9 @@ def fit_twist_swing(
 ) -> TwistSwingPrimitive:
     """Fit an orientation primitive in the chart about the demonstrations' dominant axis.
 
+    The chart, and with it every sample's coordinates, depends on which demonstrations are used. So, unlike
+    for the other primitives, leaving some out means to fit again, and leave-one-out grows quadratically.
+
     `demonstrations`: (T_l, 4) orientations each, sign-continuous.
     """
     axes = dominant_axes(demonstrations)
@@ -91,16 +95,50 @@ def fit_twist_swing(
     )
 
 
+@dataclass(frozen=True)
+class Turns:
+    """What the dominant axis of L demonstrations follows from."""
+
+    second_moment: np.ndarray  # (L, 3, 3) sum of w w^T over the samples
+    mean: np.ndarray  # (L, 3) rad/s, mean angular velocity
+    duration: np.ndarray  # (L,) s
+
+    @classmethod
+    def of(cls, demonstrations: Sequence[OrientationTrajectory]) -> Self:
+        """Of demonstrations with (T_l, 3) angular velocities."""
+        velocities = [path.angular_velocity for path in demonstrations]
+        return cls(
+            np.array([velocity.T @ velocity for velocity in velocities]),
+            np.array([velocity.mean(axis=0) for velocity in velocities]),
+            np.array([path.duration for path in demonstrations]),
+        )
+
+    def of_some(self, used: np.ndarray) -> Self:
+        """Those of the demonstrations in a mask (L,)."""
+        return type(self)(**{name: values[used] for name, values in vars(self).items()})
+
+    @property
+    def axis(self) -> np.ndarray:
+        """(3,) principal axis of the angular velocities, directed along the net turn."""
+        axis = np.linalg.eigh(self.second_moment.sum(axis=0))[1][:, -1]
+        return axis if axis @ self.mean.sum(axis=0) >= 0 else -axis
+
+    @property
+    def largest(self) -> float:
+        """Largest net turn about the dominant axis in rad."""
+        axis = self.axis
+        return max(
+            abs(float(mean @ axis) * duration)
+            for mean, duration in zip(self.mean, self.duration.tolist(), strict=True)
+        )
+
+
 def dominant_axes(demonstrations: Sequence[OrientationTrajectory]) -> np.ndarray:
     """Axis about which the demonstrations turn most, and two axes perpendicular to it, (3, 3) columns.
 
-    The first is the principal axis of the (T_l, 3) angular velocities, directed along the net turn; all are
-    orthonormal and right-handed.
+    The first is `Turns.axis`; all are orthonormal and right-handed.
     """
-    second_moment = sum(path.angular_velocity.T @ path.angular_velocity for path in demonstrations)
-    axis = np.linalg.eigh(second_moment)[1][:, -1]
-    net_turn = sum(path.angular_velocity.mean(axis=0) for path in demonstrations)
-    axis = axis if axis @ net_turn >= 0 else -axis
+    axis = Turns.of(demonstrations).axis
     helper = np.eye(3)[np.argmin(np.abs(axis))]
     second = np.cross(axis, helper) / np.linalg.norm(np.cross(axis, helper))
     return np.column_stack([axis, second, np.cross(axis, second)])
@@ -108,10 +146,7 @@ def dominant_axes(demonstrations: Sequence[OrientationTrajectory]) -> np.ndarray
 
 def largest_turn(demonstrations: Sequence[OrientationTrajectory]) -> float:
     """Largest net turn of any demonstration about the dominant axis, in rad."""
-    axis = dominant_axes(demonstrations)[:, 0]
-    return max(
-        abs(float(path.angular_velocity.mean(axis=0) @ axis) * path.duration) for path in demonstrations
-    )
+    return Turns.of(demonstrations).largest
 
 
 def on_chart(path: OrientationTrajectory, axes: np.ndarray) -> Trajectory:

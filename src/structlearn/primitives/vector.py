@@ -5,9 +5,9 @@ per channel; deviations from them are the input of feedback models.
 """
 
 from abc import ABC, abstractmethod
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from typing import Any, Generic, TypeVar
+from typing import Any, Generic, Self, TypeVar
 
 import numpy as np
 
@@ -18,6 +18,7 @@ SMALLEST_AMPLITUDE = 1e-3
 """Axes along which the demonstrations move less than this are never scaled: their ratio would be noise."""
 
 Unrolled = TypeVar("Unrolled", Trajectory, OrientationTrajectory, covariant=True)
+Fitted = TypeVar("Fitted")
 
 
 @dataclass(frozen=True)
@@ -109,33 +110,86 @@ def fit_vector(
     `demonstrations`: (T_l, D) signals each. `scaled`: axes whose forcing term scales with the distance from
     start to goal; default: none.
     """
-    starts = np.array([demonstration.position[0] for demonstration in demonstrations])
-    goals = np.array([demonstration.position[-1] for demonstration in demonstrations])
-    start, goal = starts.mean(axis=0), goals.mean(axis=0)
-    axes = np.zeros(len(start), dtype=bool) if scaled is None else np.array(scaled, dtype=bool)
-    targets = [
+    targets = _forcing_targets(demonstrations)
+
+    def weights(scales: np.ndarray) -> np.ndarray:
+        return kernels.forcing_weights(targets, scales, method, kernel_count)
+
+    ends = Boundaries.of(demonstrations)
+    return _fitted(ends, _mask(scaled, ends), weights)
+
+
+SubsetFit = Callable[[np.ndarray, kernels.Regression], Fitted]
+"""Primitive of the demonstrations that are used, a mask (L,), by a regression."""
+
+
+def fit_vector_subsets(
+    demonstrations: Sequence[Trajectory],
+    scaled: Sequence[bool] | None = None,
+    kernel_count: int = kernels.KERNEL_COUNT,
+) -> SubsetFit[VectorPrimitive]:
+    """As `fit_vector`, for some of the demonstrations at a time; samples are read only once."""
+    ends = Boundaries.of(demonstrations)
+    mask = _mask(scaled, ends)
+    equations = kernels.NormalEquations.of(_forcing_targets(demonstrations), kernel_count)
+
+    def fit(used: np.ndarray, method: kernels.Regression) -> VectorPrimitive:
+        return _fitted(ends.of_some(used), mask, lambda scales: equations.weights(used, scales, method))
+
+    return fit
+
+
+def _forcing_targets(demonstrations: Sequence[Trajectory]) -> list[np.ndarray]:
+    return [
         transformation.forcing_target(demonstration, canonical.time_constant(demonstration.duration))
         for demonstration in demonstrations
     ]
-    scales = relative_scale(goals - starts, goal - start, axes)
-    weights = kernels.forcing_weights(targets, scales, method, kernel_count)
-    return VectorPrimitive(weights, start, goal, *mean_initial_state(demonstrations), axes)
 
 
-def mean_initial_state(
-    demonstrations: Sequence[Trajectory] | Sequence[OrientationTrajectory],
-) -> tuple[np.ndarray, np.ndarray, float]:
-    """Mean initial velocity per duration, acceleration per duration squared, and duration in s."""
-    durations = np.array([demonstration.duration for demonstration in demonstrations])[:, None]
-    velocities, accelerations = (
-        np.array([rate[0] for rate in rates])
-        for rates in zip(*(demonstration.rates for demonstration in demonstrations), strict=True)
-    )
-    return (
-        np.mean(durations * velocities, axis=0),
-        np.mean(durations**2 * accelerations, axis=0),
-        float(durations.mean()),
-    )
+@dataclass(frozen=True)
+class Boundaries:
+    """Boundary conditions of L demonstrations, of which a primitive keeps the means."""
+
+    start: np.ndarray  # (L, D); orientations (L, 4)
+    goal: np.ndarray  # (L, D); orientations (L, 4)
+    velocity: np.ndarray  # (L, D) initial velocity per duration
+    acceleration: np.ndarray  # (L, D) initial acceleration per duration squared
+    duration: np.ndarray  # (L, 1) s
+
+    @classmethod
+    def of(cls, demonstrations: Sequence[Trajectory] | Sequence[OrientationTrajectory]) -> Self:
+        """Of vector signals or of orientations."""
+        duration = np.array([demonstration.duration for demonstration in demonstrations])[:, None]
+        paths, velocities, accelerations = zip(
+            *(tuple(vars(demonstration).values())[1:] for demonstration in demonstrations), strict=True
+        )
+        start, goal = (np.array([path[at] for path in paths]) for at in (0, -1))
+        velocity, acceleration = (
+            np.array([rate[0] for rate in rates]) for rates in (velocities, accelerations)
+        )
+        return cls(start, goal, duration * velocity, duration**2 * acceleration, duration)
+
+    def of_some(self, used: np.ndarray) -> Self:
+        """Those of the demonstrations in a mask (L,)."""
+        return type(self)(**{name: values[used] for name, values in vars(self).items()})
+
+    @property
+    def initial_state(self) -> tuple[np.ndarray, np.ndarray, float]:
+        """Mean initial velocity per duration, acceleration per duration squared, and duration in s."""
+        return self.velocity.mean(axis=0), self.acceleration.mean(axis=0), float(self.duration.mean())
+
+
+def _mask(scaled: Sequence[bool] | None, ends: Boundaries) -> np.ndarray:
+    return np.zeros(ends.start.shape[1], dtype=bool) if scaled is None else np.array(scaled, dtype=bool)
+
+
+def _fitted(
+    ends: Boundaries, scaled: np.ndarray, weights: Callable[[np.ndarray], np.ndarray]
+) -> VectorPrimitive:
+    """Primitive with weights (N, D) that follow from the scales (L, D) of the demonstrations."""
+    start, goal = ends.start.mean(axis=0), ends.goal.mean(axis=0)
+    scales = relative_scale(ends.goal - ends.start, goal - start, scaled)
+    return VectorPrimitive(weights(scales), start, goal, *ends.initial_state, scaled)
 
 
 def relative_scale(distance: np.ndarray, amplitude: np.ndarray, scaled: np.ndarray) -> np.ndarray:

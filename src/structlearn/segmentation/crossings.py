@@ -106,11 +106,14 @@ def _at_onsets(
         return crossings
     axes = {primitive.name: primitive.shown_by for primitive in _with_axis(parameters)}
     dt, moved, before = demonstration.dt, list(crossings.values()), 0
+    smooth = {
+        axis: signals.low_pass(motion_runs.path(demonstration, axis), dt, parameters.cut_cutoff_hz)
+        for axis in dict.fromkeys(axes.values())
+    }
     for place, (name, crossing) in enumerate(crossings.items()):
-        smooth = signals.low_pass(motion_runs.path(demonstration, axes[name]), dt, parameters.cut_cutoff_hz)
         after = min([crossing.latest, *(later.start for later in moved[place + 1 : place + 2])])
         limits = (max(crossing.earliest, before), after)
-        start, end = movement_ends(smooth, dt, (crossing.start, crossing.end), limits)
+        start, end = movement_ends(smooth[axes[name]], dt, (crossing.start, crossing.end), limits)
         start = crossing.start if crossing.start_known else start
         end = crossing.end if crossing.end_known else end
         moved[place] = replace(crossing, start=start, end=end)

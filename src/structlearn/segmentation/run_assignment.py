@@ -11,6 +11,7 @@ Motion may be left out (a twitch) and dips may be bridged (a hesitation), both a
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from math import ceil
 from typing import Self
 
 import numpy as np
@@ -36,7 +37,8 @@ it has arrived. Motion along one axis belongs to a single primitive."""
 
 PATTERNS, FEWEST_PATTERNS = 1200, 10
 """Number of ways to cut that are tried as the pattern, in total and at least per demonstration: the cheapest
-by the prices above. The work grows with their number times that of the demonstrations."""
+by the prices above. The work grows with their number times that of the demonstrations; of more than 120
+demonstrations, an evenly spread part is tried, so that it does not grow with their square."""
 
 
 @dataclass(frozen=True)
@@ -98,6 +100,7 @@ def assign(
     the references has a chain of candidates.
     """
     gaps = [_gaps(primitives, between) for primitives in demonstrations]
+    references = references[:: ceil(len(references) * FEWEST_PATTERNS / PATTERNS)]
     most = max(PATTERNS // len(references), FEWEST_PATTERNS)
     owners, chains, own = [], [], []
     for index in references:

@@ -10,6 +10,7 @@ additional correspondences (`wls`). Tasks on recorded data replace all crossings
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import cached_property, partial
 from pathlib import Path
 
 import numpy as np
@@ -18,6 +19,7 @@ import pandas as pd
 from structlearn.core import signals
 from structlearn.core.artefacts import publish, read_table, write_table
 from structlearn.core.errors import InputError
+from structlearn.core.parallel import parallel_map
 from structlearn.readers.demonstration import Demonstration
 from structlearn.segmentation import alignment
 from structlearn.segmentation.alignment import METHODS, RESULT, WARNING_COLUMNS, Movement, Refined
@@ -51,8 +53,13 @@ class Segmentation:
 
     def result(self, primitive: str, method: str = RESULT) -> pd.DataFrame:
         """Cuts of one primitive by one method (the reference's are its crossing); index: demonstration."""
-        chosen = self.cuts[(self.cuts["primitive"] == primitive) & (self.cuts["method"] == method)]
-        return chosen.set_index("demonstration")
+        return self._by_key.get((primitive, method), self.cuts[:0].set_index("demonstration"))
+
+    @cached_property
+    def _by_key(self) -> dict[tuple[str, str], pd.DataFrame]:
+        """Cuts by primitive and method, sorted out once: viewers ask for each demonstration."""
+        groups = self.cuts.groupby(["primitive", "method"], sort=False)
+        return {(str(name), str(method)): rows.set_index("demonstration") for (name, method), rows in groups}
 
 
 def write_segmentation(segmentation: Segmentation, folder: str | Path) -> None:
@@ -102,27 +109,24 @@ def cut(demonstrations: Sequence[Demonstration], parameters: SegmentParameters) 
             )
     place, crossings = find_crossings(demonstrations, parameters)
     reference = demonstrations[place]
-    reference_movements = _movements(reference, crossings[place], parameters)
+    pattern = _movements(reference, crossings[place], parameters)
+    poses = (Demonstration(run.name, run.time, run.position, run.orientation) for run in demonstrations)
+    aligned = parallel_map(
+        partial(_aligned, reference=reference.name, pattern=pattern, parameters=parameters),
+        zip(poses, crossings, strict=True),
+        "cuts",
+    )
     cuts, pairs, warnings, left_out, cells = [], [], [], {}, 0
-    for demonstration, own_crossings in zip(demonstrations, crossings, strict=True):
-        try:
-            own = demonstration is reference
-            movements = reference_movements if own else _movements(demonstration, own_crossings, parameters)
-            refined = {}
-            for name, movement in movements.items():
-                try:
-                    refined[name] = alignment.refine_cuts(reference_movements[name], movement, parameters)
-                except ValueError as error:
-                    raise InputError(f"{demonstration.name}: primitive '{name}': {error}") from error
-            cuts.append(_cut_rows(demonstration, refined, parameters))
-            cells += sum(aligned.cells for aligned in refined.values())
-            warnings += alignment.cut_warnings(demonstration.name, refined, own)
-            if not own:
-                pairs += [_pair_rows(demonstration.name, *aligned) for aligned in refined.items()]
-        except InputError as error:
-            if own or not parameters.skip_failures:
-                raise
-            left_out[demonstration.name] = str(error)
+    for demonstration, found in zip(demonstrations, aligned, strict=True):
+        if isinstance(found, InputError):
+            if demonstration is reference or not parameters.skip_failures:
+                raise found
+            left_out[demonstration.name] = str(found)
+        else:
+            cuts.append(found.cuts)
+            pairs += found.pairs
+            warnings += found.warnings
+            cells += found.cells
     if parameters.assigns_runs and 2 * len(left_out) > len(demonstrations):  # then the choice itself is wrong
         raise InputError(
             f"{len(left_out)} of {len(demonstrations)} demonstrations cannot be cut into the primitives that "
@@ -138,6 +142,42 @@ def cut(demonstrations: Sequence[Demonstration], parameters: SegmentParameters) 
     )
 
 
+@dataclass(frozen=True)
+class _Rows:
+    """Rows of a `Segmentation` for one demonstration."""
+
+    cuts: pd.DataFrame
+    pairs: list[pd.DataFrame]  # none for the reference
+    warnings: list[tuple[str, str, str, float]]
+    cells: int
+
+
+def _aligned(
+    work: tuple[Demonstration, Crossings | InputError],
+    reference: str,
+    pattern: dict[str, Movement],
+    parameters: SegmentParameters,
+) -> _Rows | InputError:
+    """Align one demonstration's movements with the reference's, `pattern`; or why it cannot be cut."""
+    demonstration, crossings = work
+    own, refined = demonstration.name == reference, {}
+    try:
+        for name, movement in _movements(demonstration, crossings, parameters).items():
+            try:
+                refined[name] = alignment.refine_cuts(pattern[name], movement, parameters)
+            except ValueError as error:
+                raise InputError(f"{demonstration.name}: primitive '{name}': {error}") from error
+        cuts = _cut_rows(demonstration, refined, parameters)
+    except InputError as error:
+        return error
+    return _Rows(
+        cuts,
+        [] if own else [_pair_rows(demonstration.name, *aligned) for aligned in refined.items()],
+        alignment.cut_warnings(demonstration.name, refined, own),
+        sum(aligned.cells for aligned in refined.values()),
+    )
+
+
 def _movements(
     demonstration: Demonstration, crossings: Crossings | InputError, parameters: SegmentParameters
 ) -> dict[str, Movement]:
@@ -146,9 +186,13 @@ def _movements(
         raise crossings
     dt, movements = demonstration.dt, {}
     axes = {part.name: part.shown_by for part in parameters.primitives if part.name in crossings}
+    smooth = {
+        axis: signals.low_pass(path(demonstration, axis), dt, parameters.align_cutoff_hz)
+        for axis in dict.fromkeys(axes.values())
+    }
+    velocity = {axis: signals.derivative(values, dt) for axis, values in smooth.items()}
     for name, crossing in crossings.items():
-        smooth = signals.low_pass(path(demonstration, axes[name]), dt, parameters.align_cutoff_hz)
-        movements[name] = Movement(dt, smooth, signals.derivative(smooth, dt), crossing)
+        movements[name] = Movement(dt, smooth[axes[name]], velocity[axes[name]], crossing)
     return movements
 
 

@@ -1,7 +1,7 @@
 """Feedback learned from corrections in several settings, and its errors on those left out (IV.6)."""
 
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
@@ -89,30 +89,60 @@ def _learned(
     parameters: TaskFeedbackParameters,
 ) -> tuple[dict[str, dict[Axis, CouplingModel]], pd.DataFrame]:
     """Final networks, and scores of networks trained without one part and every other execution."""
-    work, tests = [], []
-    for name, axis in ((name, axis) for name, by_axis in datasets.items() for axis in by_axis):
-        dataset, level = datasets[name][axis], levels[name]
-        learned, odd = np.isin(dataset.setting, parameters.settings), level.demonstration % 2 == 1
-        seen, half, held_out = dataset.where(learned), level.where(~odd), level.where(odd)
-        others = dict.fromkeys(dataset.setting[~learned])
-        work.append((name, axis, "", concatenated([seen, level]), parameters))
-        tests.append({other: dataset.where(dataset.setting == other) for other in others})
-        group = _groups(seen, parameters)
-        for label in dict.fromkeys(group):
-            work.append((name, axis, label, concatenated([seen.where(group != label), half]), parameters))
-            tests.append({label: seen.where(group == label), LEVEL: held_out})
+    work = list[_Training]()
+    for name, by_axis in datasets.items():
+        for axis, dataset in by_axis.items():
+            whole = _Training(name, axis, "", dataset, levels[name], parameters)
+            parts = dict.fromkeys(_groups(whole.seen, parameters))
+            work += [whole, *(replace(whole, left_out=label) for label in parts)]
     networks: dict[str, dict[Axis, CouplingModel]] = {name: {} for name in datasets}
     rows = []
-    trained = parallel_map(_trained, work, "training feedback")
-    for (name, axis, label, *_), by_test, network in zip(work, tests, trained, strict=True):
+    for training, network in zip(work, parallel_map(_trained, work, "training feedback"), strict=True):
+        name, axis, label = training.name, training.axis, training.left_out
         if not label:
             networks[name][axis] = network
-        for setting, samples in by_test.items():
+        for setting, samples in training.tests():
             if len(samples.target):
                 rows.append((name, axis, setting, bool(label), *_scored(network, samples)))
     keys = ["primitive", "axis", "left_out", "learned"]
     scores = pd.DataFrame(rows, columns=[*keys, "nmse", "target", "predicted", "rms"])
     return networks, scores.groupby(keys, sort=False).mean().reset_index()
+
+
+@dataclass(frozen=True)
+class _Training:
+    """Training of one network; the samples it is trained and tested on are selected only when needed."""
+
+    name: str
+    axis: Axis
+    left_out: str  # setting or part left out; empty: none, and the network is the final one
+    dataset: CouplingDataset
+    level: CouplingDataset
+    parameters: TaskFeedbackParameters
+
+    @property
+    def seen(self) -> CouplingDataset:
+        """Samples of the settings that are learned from."""
+        return self.dataset.where(np.isin(self.dataset.setting, self.parameters.settings))
+
+    def samples(self) -> CouplingDataset:
+        """Samples to train on: without what is left out, and then with every other execution only."""
+        if not self.left_out:
+            return concatenated([self.seen, self.level])
+        seen, odd = self.seen, self.level.demonstration % 2 == 1
+        kept = seen.where(_groups(seen, self.parameters) != self.left_out)
+        return concatenated([kept, self.level.where(~odd)])
+
+    def tests(self) -> Iterator[tuple[str, CouplingDataset]]:
+        """Samples to test on, by setting or part: settings only tested, or what was left out."""
+        if not self.left_out:
+            settings = self.dataset.setting
+            for other in dict.fromkeys(settings[~np.isin(settings, self.parameters.settings)]):
+                yield other, self.dataset.where(settings == other)
+            return
+        seen = self.seen
+        yield self.left_out, seen.where(_groups(seen, self.parameters) == self.left_out)
+        yield LEVEL, self.level.where(self.level.demonstration % 2 == 1)
 
 
 def _groups(dataset: CouplingDataset, parameters: TaskFeedbackParameters) -> np.ndarray:
@@ -125,9 +155,9 @@ def _groups(dataset: CouplingDataset, parameters: TaskFeedbackParameters) -> np.
     return np.array([f"part {part + 1}" for part in parts])
 
 
-def _trained(work: tuple[str, Axis, str, CouplingDataset, TaskFeedbackParameters]) -> CouplingModel:
-    *_, dataset, parameters = work
-    return train_final(parameters.network, dataset, parameters.training, parameters.hidden)
+def _trained(training: _Training) -> CouplingModel:
+    parameters = training.parameters
+    return train_final(parameters.network, training.samples(), parameters.training, parameters.hidden)
 
 
 def _scored(network: CouplingModel, dataset: CouplingDataset) -> tuple[float, float, float, float]:

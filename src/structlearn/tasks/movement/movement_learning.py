@@ -17,11 +17,12 @@ from structlearn.core.errors import InputError
 from structlearn.core.parallel import parallel_map
 from structlearn.primitives.fitting import (
     FitParameters,
-    cross_validation,
     learn_primitive,
     orientations,
+    primitive_errors,
     reproduction_errors,
     segment_paths,
+    sequence_segments,
     whole_run_cuts,
 )
 from structlearn.primitives.position import in_local_frame
@@ -131,22 +132,23 @@ def reproduction(
     with the reach) and `from_mean_mm`, the mean distance of the demonstration from the mean of all, in the
     local frame and normalised time: no single movement can be much closer to all of them.
     """
-    tables = [cross_validation(runs, cuts, parameters, fold).assign(scaled=True)]
+    tables, as_published = list[pd.DataFrame](), list[pd.DataFrame]()
     published = parameters.model_copy(update={"scaled_axes": (False,) * 3})
     spread: dict[tuple[str, str], float] = {}
-    for name, own in cuts.items():
-        segments = segment_paths(runs, own, parameters.smoothing_hz)
-        names = [run.name for run in runs if run.name in own.index]
+    for name, segments in sequence_segments(runs, cuts, parameters.smoothing_hz).items():
+        names = [run.name for run in runs if run.name in cuts[name].index]
+        errors = primitive_errors(name, segments, names, parameters, fold)
+        tables += [table.assign(scaled=True) for table in errors]
         primitive = learn_primitive(name, segments, published)
-        errors = reproduction_errors(primitive, segments)
-        keys = {"primitive": name, "demonstration": names, "regression": parameters.regression}
         if any(parameters.scaled_axes):
-            tables.append(errors.assign(**keys, left_out=False, scaled=False))
+            keys = {"primitive": name, "demonstration": names, "regression": parameters.regression}
+            table = reproduction_errors(primitive, segments)
+            as_published.append(table.assign(**keys, left_out=False, scaled=False))
         paths = [in_local_frame(position, primitive.position.frame).position for position, _ in segments]
         curves = np.array([signals.time_normalised(path, SAMPLES) for path in paths])
         off_mm = 1e3 * np.linalg.norm(curves - curves.mean(axis=0), axis=2).mean(axis=1)
         spread |= {(name, run): mm for run, mm in zip(names, off_mm, strict=True)}
-    table = pd.concat(tables, ignore_index=True)
+    table = pd.concat(tables + as_published, ignore_index=True)
     both = zip(table["primitive"], table["demonstration"], strict=True)
     return table.assign(from_mean_mm=[spread[key] for key in both])
 

@@ -1,6 +1,8 @@
 """Page sections on primitives: learned primitives over their demonstrations, and the distances between."""
 
 from collections.abc import Sequence
+from math import ceil
+from typing import TypeVar
 
 import numpy as np
 import pandas as pd
@@ -8,7 +10,13 @@ from matplotlib.figure import Figure
 
 from structlearn import palette
 from structlearn.core import signals
-from structlearn.primitives.fitting import REPRODUCTION_ERRORS, Segment, orientations, segment_paths
+from structlearn.primitives.fitting import (
+    REPRODUCTION_ERRORS,
+    Segment,
+    orientations,
+    segment_paths,
+    sequence_segments,
+)
 from structlearn.primitives.position import in_local_frame
 from structlearn.primitives.sequence import PosePrimitive, largest_acceleration_jump
 from structlearn.primitives.trajectory import Trajectory
@@ -23,6 +31,8 @@ from structlearn.tasks.movement.parameters import PARTS, MovementEntry
 from structlearn.tasks.section import Section, shown
 from structlearn.tasks.task_files import TaskFiles
 
+Drawn = TypeVar("Drawn")
+
 TITLES = {"nominal": "Nominal", "generalised": "New situation"}
 # Part of a metric's name and text in tables, by `left_out` and `scaled`
 VARIANTS = {
@@ -31,6 +41,9 @@ VARIANTS = {
     (False, False): ("fit_unscaled", "learned from, forcing not scaled"),
 }
 MANY = 30  # number of demonstrations from which distances are shown as histograms
+DRAWN, POINTS = 100, 2000
+"""Demonstrations drawn in a figure, spread evenly over all, and samples of a path; more make pages slow."""
+
 STRONG_RANGE = 20  # counts; electrodes with a larger range are clear of the sensor's noise of half a count
 AXES = ["x", "y", "z"]
 VIEWS = {"xz": ("From the side", "forward", "up"), "xy": ("From above", "forward", "to the side")}
@@ -40,7 +53,7 @@ def primitives_section(files: TaskFiles) -> Section:
     """Section on the learned primitives and their distances from the demonstrations."""
     own, runs, primitives = files.entry(MovementEntry), files.runs("demonstrations"), files.primitives()
     cuts = learned_cuts(files.segmentation(), own.keep_flagged)
-    segments = {name: segment_paths(runs, cut, own.fit.smoothing_hz) for name, cut in cuts.items()}
+    segments = sequence_segments(runs, cuts, own.fit.smoothing_hz)
     reproduction = files.table("primitives/reproduction").query("regression == @own.fit.regression")
     errors = error_summary(reproduction)
     sequences = {title: files.table(f"primitives/{name}") for name, title in TITLES.items()}
@@ -75,12 +88,24 @@ def primitives_section(files: TaskFiles) -> Section:
         if own.presegmented is None
         else "local",
         "demonstrations": len(runs),
+        "drawn_of": ceil(len(runs) / DRAWN),
     }
     numbers = fit_metrics(reproduction, own.fit)
     find = Findings.of_metrics(numbers, tuple(numbers)[:6]).among("recorded movements")
     add_distances(find, reproduction, errors, segments)
     tables = {"errors": shown(errors, end_mm=".3f")}
     return Section("primitives", "Primitives", facts=facts, tables=tables, pictures=pictures, find=find)
+
+
+def drawn(demonstrations: Sequence[Drawn]) -> Sequence[Drawn]:
+    """At most `DRAWN` of them, evenly spread."""
+    return demonstrations[:: ceil(len(demonstrations) / DRAWN)]
+
+
+def thinned(path: np.ndarray) -> np.ndarray:
+    """At most about `POINTS` samples of a path (T, D), with the last one."""
+    step = ceil(len(path) / POINTS)
+    return path[(len(path) - 1) % step :: step]
 
 
 def error_summary(reproduction: pd.DataFrame) -> pd.DataFrame:
@@ -116,18 +141,19 @@ def add_distances(
 @styled
 def sequence_in_space(runs: list[Demonstration], nominal: pd.DataFrame) -> list[Figure]:
     """Nominal sequence over all demonstrations, in space."""
-    paths = [(run.position, {"color": palette.LIGHT_GREY, "linewidth": 0.8}) for run in runs]
+    grey = {"color": palette.LIGHT_GREY, "linewidth": 0.8}
+    paths = [(thinned(run.position), grey) for run in drawn(runs)]
     for place, (name, part) in enumerate(nominal.groupby("primitive", sort=False)):
         look = {"color": palette.primitive_colour(place), "linewidth": 2.2, "label": name}
-        paths.append((part[AXES].to_numpy(), look))
+        paths.append((thinned(part[AXES].to_numpy()), look))
     return space_panels(paths)
 
 
 @styled
 def fit_figure(primitive: PosePrimitive, place: int, segments: list[Segment], dt: float) -> Figure:
     """Segments of all demonstrations relative to their goal, with the unrolled primitive."""
-    shown = [1e3 * (path.position - path.position[-1]) for path, _ in segments]
-    unrolled = 1e3 * (primitive.position.unroll(dt).position - primitive.position.goal)
+    shown = [1e3 * thinned(path.position - path.position[-1]) for path, _ in drawn(segments)]
+    unrolled = 1e3 * thinned(primitive.position.unroll(dt).position - primitive.position.goal)
     return reproduction_panel(
         primitive.name, place, shown, np.asarray(unrolled), [f"{axis} (mm)" for axis in AXES]
     )
@@ -144,7 +170,7 @@ def local_panel(primitive: PosePrimitive, segments: list[Segment], view: str) ->
         local = in_local_frame(path, learned.frame).position
         return 1e3 * signals.time_normalised(local, SAMPLES)[:, seen].T
 
-    for number, (path, _) in enumerate(segments):
+    for number, (path, _) in enumerate(drawn(segments)):
         label = None if number else "recorded"
         axes.plot(*seen_of(path), color=palette.LIGHT_GREY, linewidth=0.7, label=label)
     unrolled = seen_of(learned.unroll(segments[0][0].dt))
