@@ -13,7 +13,7 @@ from structlearn.primitives.position import in_local_frame
 from structlearn.primitives.sequence import PosePrimitive, largest_acceleration_jump
 from structlearn.primitives.trajectory import Trajectory
 from structlearn.primitives.twist_swing import dominant_axes, on_chart
-from structlearn.readers.demonstration import Demonstration
+from structlearn.readers.demonstration import POSE, Demonstration
 from structlearn.reporting.document import Table
 from structlearn.reporting.figure_style import SAMPLES, Drawing, legend, panel, styled
 from structlearn.reporting.findings import Findings
@@ -38,7 +38,7 @@ VIEWS = {"xz": ("From the side", "forward", "up"), "xy": ("From above", "forward
 
 def primitives_section(files: TaskFiles) -> Section:
     """Section on the learned primitives and their distances from the demonstrations."""
-    own, runs, primitives = files.entry(MovementEntry), files.runs("demonstrations"), files.primitives()
+    own, runs, primitives = files.entry(MovementEntry), files.runs("demonstrations", POSE), files.primitives()
     cuts = learned_cuts(files.segmentation(), own.keep_flagged)
     segments = {name: segment_paths(runs, cut, own.fit.smoothing_hz) for name, cut in cuts.items()}
     reproduction = files.table("primitives/reproduction").query("regression == @own.fit.regression")
@@ -171,7 +171,7 @@ def turns_section(files: TaskFiles) -> Section | None:
         return None
     errors = files.table("primitives/turns")
     single, joint = errors[errors["learned_from"] != "all"], errors[errors["learned_from"] == "all"]
-    runs, (primitive,) = files.runs("demonstrations"), files.primitives()
+    runs, (primitive,) = files.runs("demonstrations", POSE), files.primitives()
     segments = segment_paths(runs, files.segmentation().result(primitive.name), own.fit.smoothing_hz)
     find = Findings("logs")
     largest = {
@@ -235,7 +235,7 @@ def execution_section(files: TaskFiles) -> Section | None:
         "execution",
         "The execution",
         tables={"execution": shown(errors)},
-        pictures={"execution": execution_panel(files.runs("demonstrations"), nominal)},
+        pictures={"execution": execution_panel(files.runs("demonstrations", POSE), nominal)},
         find=find,
     )
 
