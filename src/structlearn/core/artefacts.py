@@ -67,6 +67,7 @@ def write_groups(
                     schema, writer = wide.schema, _rewritten(writer, path, wide.schema)
                 writer.write_table(wide)
                 rows += len(wide)
+                del table, wide  # before the next one is made
             assert writer is not None  # there is a table
             its = dict(metadata())
             its[HEADINGS] = _headings(schema, rows, its)

@@ -160,6 +160,7 @@ def each_demonstration(
         except InputError as error:
             raise InputError(f"{file.path}: {error}") from error
         yield demonstration
+        del recording, demonstration  # before the next one is read
 
 
 def read_recordings(
@@ -184,6 +185,7 @@ def each_recording(
         except InputError as error:
             raise InputError(f"{file.path}: {error}") from error
         yield recording
+        del recording  # before the next one is read
 
 
 def write_recordings(recordings: Sequence[Recording], folder: str | Path) -> None:

@@ -215,6 +215,7 @@ def write_series(runs: Iterable[Series], units: Mapping[str, str], target: str |
             if rows >= GROUP_ROWS:
                 yield _table(waiting, units)
                 waiting, rows = [], 0
+            del run  # before the next one is made
         if waiting or not about:
             yield _table(waiting, units)
 

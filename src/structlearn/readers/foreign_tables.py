@@ -72,6 +72,7 @@ def each_readable(read: Callable[[Path], T], paths: Iterable[Path], left_out: Le
             left_out[f"{path.parent.name}/{path.name}"] = str(error)
         else:
             yield content
+            del content  # before the next one is read
 
 
 def read_text(path: Path) -> str:

@@ -17,6 +17,7 @@ import shutil
 import sys
 from collections.abc import Callable, Iterable, Iterator
 from importlib import import_module
+from operator import itemgetter
 from pathlib import Path
 from typing import Any
 
@@ -97,7 +98,7 @@ def write_checked_streams(
 ) -> None:
     """Write `streams` at the sensors' own rates, of recordings that can be put on one clock."""
     checked = _resampled(task, recordings, None, left_out)
-    write_streams((recording for recording, _ in checked), folder / "streams.parquet")
+    write_streams(map(itemgetter(0), checked), folder / "streams.parquet")
 
 
 def on_clock(
@@ -108,7 +109,7 @@ def on_clock(
     refuse_jumps: bool = True,
 ) -> Iterator[Demonstration]:
     """Resample recordings to a clock, one by one; failing ones are left out or an error, see `goes_on`."""
-    return (run for _, run in _resampled(task, recordings, clock, left_out, refuse_jumps))
+    return map(itemgetter(1), _resampled(task, recordings, clock, left_out, refuse_jumps))
 
 
 def _resampled(
@@ -130,6 +131,8 @@ def _resampled(
         else:
             empty = False
             yield recording, run
+            del run
+        del recording  # before the next one is read
     if empty:
         raise InputError(f"{task.source}: holds no recording that can be read")
 

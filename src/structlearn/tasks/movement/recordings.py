@@ -62,6 +62,7 @@ def _listed(name: str, recordings: Iterable[Recording], table: list[tuple[Any, .
         row = (name.replace("/", ", "), one.name, seconds, rate_hz, gap_ms, ", ".join(kinds), stamps)
         table.append(row)
         yield one
+        del one, pose  # before the next one is read
 
 
 def _split(recordings: Iterable[Demonstration], repeats: pd.DataFrame) -> Iterator[Demonstration]:
