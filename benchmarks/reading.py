@@ -4,29 +4,47 @@ Ours checks checksums, stamps and quaternions too; the peers decode each message
 """
 
 import tempfile
+from functools import cache
 from pathlib import Path
 
 import numpy as np
+from made_up_bags import RATE_HZ, TOPICS, topics
+from mcap.records import Schema
+from mcap.well_known import SchemaEncoding
 from timing import Case, Contender
 
-from dissertation.simulation.pick_and_place import session, write_takes
-from structlearn.readers import read_recording
+from dissertation.simulation.pick_and_place import session, takes, write_takes
+from structlearn.readers import Recording, read_recording
+from structlearn.readers.bag_recording import to_metadata
+from structlearn.readers.messages import definition
+from structlearn.readers.raw_messages import RawMessages, write_bag
 from structlearn.readers.source import TopicMap
 
 REPEATS = 3
-TOPICS = {"pose": "/gripper/pose", "joint_states": ("/joint_states",), "wrench": "/wrist/wrench"}
+CAMERA_HZ, PICTURE_BYTES = 5.0, 3 * 640 * 480
 
 
 def reading() -> Case:
     """Positions of the hand are compared."""
-    folder = Path(tempfile.mkdtemp())
-    write_takes([session(1, 5, REPEATS)], folder)
-    (path,) = folder.glob("*.mcap")
+    write_takes([session(1, 5, REPEATS)], folder := _folder())
+    return _case(folder / "01.mcap", "three topics")
+
+
+def reading_large() -> Case:
+    """A minute at 1 kHz (180 000 messages) beside a camera, which nobody asks for but everybody unpacks."""
+    (take,) = takes(seed=1, moves=5, count=1)
+    messages = {**topics(take), "/camera": _camera(topics(take)[TOPICS["pose"]].log_times)}
+    about = Recording(take.name, (), None, {"origin": "simulated"})
+    write_bag(path := _folder() / "large.mcap", to_metadata(about), messages.items())
+    return _case(path, "three topics of 1 kHz beside a camera")
+
+
+def _case(path: Path, content: str) -> Case:
     others = dict.fromkeys(("twist", "tool_to_board", "joints"))
-    topics = TopicMap(**TOPICS, tactile=(), **others)
+    wanted = TopicMap(**TOPICS, tactile=(), **others)
 
     def ours() -> np.ndarray:
-        return read_recording(path, topics).streams[0].values[:, :3]
+        return read_recording(path, wanted).streams[0].values[:, :3]
 
     expected = ours()
 
@@ -34,7 +52,7 @@ def reading() -> Case:
         return float(np.abs(found - expected).max())
 
     return Case(
-        work=f"reading a bag of {path.stat().st_size / 1e6:.1f} MB, three topics",
+        work=f"reading a bag of {path.stat().st_size / 1e6:.1f} MB, {content}",
         ours=Contender(ours, error),
         peers={
             "mcap-ros2-support": lambda: Contender(_by_mcap(path), error),
@@ -43,6 +61,24 @@ def reading() -> Case:
         tolerance=1e-12,
         note="ours checks checksums, stamps and quaternions too",
     )
+
+
+@cache
+def _temporary() -> tempfile.TemporaryDirectory:
+    """Removed when the benchmark ends."""
+    return tempfile.TemporaryDirectory()
+
+
+def _folder() -> Path:
+    return Path(_temporary().name)
+
+
+def _camera(stamps: np.ndarray) -> RawMessages:
+    """Pictures of 640 x 480 pixels at 5 Hz during a recording, of noise, which does not compress."""
+    rng, name = np.random.default_rng(1), "std_msgs/msg/UInt16MultiArray"
+    schema = Schema(id=0, name=name, encoding=SchemaEncoding.ROS2, data=definition(name).encode())
+    times = stamps[:: round(RATE_HZ / CAMERA_HZ)]
+    return RawMessages(times, [schema] * len(times), [rng.bytes(PICTURE_BYTES) for _ in times])
 
 
 def _wanted() -> list[str]:
@@ -83,4 +119,4 @@ def _by_rosbags(path: Path):
     return run
 
 
-CASES = (reading,)
+CASES = (reading, reading_large)

@@ -1,6 +1,7 @@
 """Bags of every format and compression, ours and those of other programs."""
 
 import json
+import struct
 import sys
 from operator import attrgetter
 
@@ -12,6 +13,7 @@ from committed import topic_map
 from hypothesis import given
 from hypothesis import strategies as st
 from mcap.data_stream import RecordBuilder
+from mcap.opcode import Opcode
 from mcap.reader import make_reader
 from mcap.records import Chunk, Footer
 from mcap.writer import MCAP0_MAGIC, CompressionType, IndexType
@@ -121,6 +123,31 @@ def test_a_chunk_that_grows_beyond_what_it_says_is_refused(tmp_path, compression
     (tmp_path / "bomb.mcap").write_bytes(MCAP0_MAGIC + builder.end() + MCAP0_MAGIC)
     with pytest.raises(InputError, match=r"bomb\.mcap: damaged MCAP file: a chunk of \d+ bytes"):
         read_recording(tmp_path / "bomb.mcap")
+
+
+@pytest.mark.parametrize(
+    ("record", "complaint"),
+    [
+        (
+            struct.pack("<BQ", Opcode.MESSAGE, 10**6) + bytes(30),
+            "a record of 1000000 bytes does not fit",
+        ),
+        (struct.pack("<BQ", Opcode.MESSAGE, 8) + bytes(8), "a message has no channel and time"),
+        (struct.pack("<BQHIQQ", Opcode.MESSAGE, 22, 9, 0, 1, 1), "KeyError: 9"),
+        (bytes([Opcode.MESSAGE]), "(error: |a record of)"),
+    ],
+)
+@pytest.mark.parametrize("chunked", [True, False])
+def test_records_that_contradict_themselves_are_refused(tmp_path, record, complaint, chunked):
+    builder = RecordBuilder()
+    if chunked:
+        Chunk("", record, 0, 0, 0, len(record)).write(builder)
+    else:
+        builder.write(record)
+    Footer(0, 0, 0).write(builder)
+    (tmp_path / "bag.mcap").write_bytes(MCAP0_MAGIC + builder.end() + MCAP0_MAGIC)
+    with pytest.raises(InputError, match=rf"bag\.mcap: damaged MCAP file: .*{complaint}"):
+        read_recording(tmp_path / "bag.mcap")
 
 
 @pytest.mark.parametrize(

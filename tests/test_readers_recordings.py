@@ -2,7 +2,9 @@
 
 import dataclasses
 import re
+import weakref
 from dataclasses import replace
+from types import SimpleNamespace
 
 import numpy as np
 import pyarrow.parquet
@@ -24,12 +26,22 @@ from structlearn.readers import (
     write_recording,
     write_recordings,
 )
-from structlearn.readers.demonstration import UNIT, Demonstration, NamedShape, read_runs, write_runs
+from structlearn.readers.demonstration import (
+    SIGNAL_UNITS,
+    UNIT,
+    Demonstration,
+    NamedShape,
+    read_about,
+    read_runs,
+    write_runs,
+)
 from structlearn.readers.source import SceneTopicMap, Setting, setting_label
 from structlearn.tasks.movement.recordings import setting_folders
+from structlearn.tasks.task_import import on_clock
 
 STAMPS = [10**9 + row * 10**7 for row in range(5)]
 TOOL = topic_map(pose="/tool")
+LAB = SimpleNamespace(source="bags", skips_failures=False)
 
 
 def bag(path, seed=0):
@@ -181,6 +193,47 @@ def test_runs_come_back_bit_for_bit(tmp_path):
                 assert their.flags.c_contiguous
             else:
                 assert str(its) == str(their)
+
+
+def test_sets_larger_than_a_row_group_come_back_with_the_signals_asked_for(tmp_path, monkeypatch):
+    monkeypatch.setattr("structlearn.readers.demonstration.GROUP_ROWS", 6)
+    full, bare = _runs()
+    runs = [bare, dataclasses.replace(bare, name="11"), full, dataclasses.replace(bare, name="12")]
+    path = tmp_path / "runs.parquet"
+    write_runs(iter(runs), path)
+    assert pyarrow.parquet.ParquetFile(path).num_row_groups == 2  # the second one has more columns
+    assert not list(tmp_path.glob(".publish*"))
+    for before, after in zip(runs, read_runs(path), strict=True):
+        for signal in ("time", *SIGNAL_UNITS):
+            its, their = getattr(before, signal), getattr(after, signal)
+            assert np.array_equal(its, their) if their is not None else its is None
+    for before, after in zip(runs, read_runs(path, ["wrench"]), strict=True):
+        assert np.array_equal(before.position, after.position)
+        assert (after.wrench is None) == (before.wrench is None)
+        assert after.orientation is after.tactile is None
+        assert (after.joint_names, after.provenance) == (before.joint_names, before.provenance)
+    assert list(read_about(path)) == [run.name for run in runs]
+    write_runs(read_runs(path), tmp_path / "again.parquet")
+    assert path.read_bytes() == (tmp_path / "again.parquet").read_bytes()
+
+
+def test_an_import_has_one_recording_in_memory_and_leaves_nothing_behind(tmp_path, monkeypatch):
+    monkeypatch.setattr("structlearn.readers.demonstration.GROUP_ROWS", 1)
+    read = []
+
+    def recordings():
+        for number in range(4):
+            assert all(stream() is None for stream in read), "an earlier recording is still in memory"
+            recording = make_recording(str(number), count=30)
+            read.extend(weakref.ref(stream) for stream in recording.streams)
+            yield recording
+            del recording
+        raise InputError("the fifth cannot be read")
+
+    with pytest.raises(InputError, match="the fifth cannot be read"):
+        write_runs(on_clock(LAB, recordings(), None, {}), tmp_path / "runs.parquet")
+    assert len(read) > 4
+    assert not list(tmp_path.iterdir())
 
 
 def test_another_table_and_changed_provenance_are_refused(tmp_path):

@@ -5,10 +5,11 @@ equal data give equal bytes. Tables and arrays carry checksums, so that damage i
 pandas and Arrow load with the first table: a robot's computer has neither, and reads skills only.
 """
 
+import base64
 import hashlib
 import json
 import math
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -35,13 +36,82 @@ def write_table(frame: "pd.DataFrame", target: str | Path) -> None:
     write_arrow(pyarrow.Table.from_pandas(frame, preserve_index=False).replace_schema_metadata(None), target)
 
 
-def write_arrow(table: "pyarrow.Table", target: str | Path, **encoding: Any) -> None:
+def write_arrow(table: "pyarrow.Table", target: str | Path) -> None:
     """Publish an Arrow table as Parquet with page checksums; a digest covers its schema and metadata."""
     import pyarrow.parquet
 
-    signed = table.replace_schema_metadata({**(table.schema.metadata or {}), HEADINGS: _headings(table)})
+    metadata = table.schema.metadata or {}
+    signed = table.replace_schema_metadata(
+        {**metadata, HEADINGS: _headings(table.schema, table.num_rows, metadata)}
+    )
     with publish(target) as path:
-        pyarrow.parquet.write_table(signed, path, compression="zstd", write_page_checksum=True, **encoding)
+        pyarrow.parquet.write_table(signed, path, compression="zstd", write_page_checksum=True)
+
+
+def write_groups(
+    tables: Iterable["pyarrow.Table"], target: str | Path, metadata: Callable[[], Mapping[bytes, bytes]]
+) -> None:
+    """Publish tables of numbers below each other, each as a row group: one at a time is in memory.
+
+    Columns are those of all tables in order of first appearance, null where a table lacks one. Keys are of a
+    dictionary type. `metadata` is called after the last table. Checksums are those of `write_arrow`.
+    """
+    import pyarrow
+
+    with publish(target) as path:
+        schema, writer, rows = pyarrow.schema([]), None, 0
+        try:
+            for table in tables:
+                wide = _widened(table, schema)
+                if writer is None or wide.schema != schema:
+                    schema, writer = wide.schema, _rewritten(writer, path, wide.schema)
+                writer.write_table(wide)
+                rows += len(wide)
+                del table, wide  # before the next one is made
+            assert writer is not None  # there is a table
+            its = dict(metadata())
+            its[HEADINGS] = _headings(schema, rows, its)
+            whole = base64.b64encode(schema.with_metadata(its).serialize().to_pybytes())
+            writer.add_key_value_metadata({**its, b"ARROW:schema": whole})  # as `write_table` would have it
+        finally:
+            if writer is not None:
+                writer.close()
+
+
+def _widened(table: "pyarrow.Table", schema: "pyarrow.Schema") -> "pyarrow.Table":
+    """Table with the columns of a schema first, null where it lacks one."""
+    import pyarrow
+
+    return pyarrow.concat_tables([schema.empty_table(), table], promote_options="default")
+
+
+def _rewritten(
+    before: "pyarrow.parquet.ParquetWriter | None", path: Path, schema: "pyarrow.Schema"
+) -> "pyarrow.parquet.ParquetWriter":
+    """Writer of more columns, with what was written so far."""
+    import pyarrow
+    import pyarrow.parquet
+
+    narrow = path.with_name("narrow.parquet")
+    if before is not None:
+        before.close()
+        path.rename(narrow)
+    keys = [field.name for field in schema if pyarrow.types.is_dictionary(field.type)]
+    numbers = [name for name in schema.names if name not in keys]
+    writer = pyarrow.parquet.ParquetWriter(
+        path,
+        schema,
+        compression="zstd",
+        write_page_checksum=True,
+        use_dictionary=keys,
+        use_byte_stream_split=numbers,  # saves 30 % on noisy data
+    )
+    if before is not None:
+        with pyarrow.parquet.ParquetFile(narrow) as file:
+            for group in range(file.num_row_groups):
+                writer.write_table(_widened(file.read_row_group(group), schema))
+        narrow.unlink()
+    return writer
 
 
 def read_table(path: str | Path, needed: Sequence[str] = ()) -> "pd.DataFrame":
@@ -58,6 +128,20 @@ def read_table(path: str | Path, needed: Sequence[str] = ()) -> "pd.DataFrame":
 
 def read_arrow(path: str | Path) -> "pyarrow.Table":
     """Read an Arrow table of `write_arrow` or `write_table`. Raises InputError: it is damaged."""
+    with open_arrow(path) as file:
+        table = file.read()
+        if len(table) != file.metadata.num_rows:
+            raise InputError(f"{path}: damaged: has {len(table)} rows of {file.metadata.num_rows}")
+    return table
+
+
+@contextmanager
+def open_arrow(path: str | Path) -> Iterator["pyarrow.parquet.ParquetFile"]:
+    """Open a Parquet file of this project, to read some columns, row groups, or its metadata.
+
+    Only reading calls belong in the body. Raises InputError: it is damaged, which
+    pages tell when they are read.
+    """
     import pyarrow.parquet
 
     damaged = (pyarrow.ArrowException, OSError, UnicodeDecodeError)  # the last two: pages, names of columns
@@ -65,29 +149,32 @@ def read_arrow(path: str | Path) -> "pyarrow.Table":
         _readable(path, "readable Parquet", *damaged, whole=False),
         pyarrow.parquet.ParquetFile(path, page_checksum_verification=True) as file,
     ):
-        table, in_order = file.read(), _in_order(file.metadata)
-    if not in_order or (table.schema.metadata or {}).get(HEADINGS) != _headings(table):
-        raise InputError(f"{path}: damaged, or not written by this project: its columns are not as written")
-    return table
+        metadata = file.metadata.metadata or {}
+        digest = _headings(file.schema_arrow, file.metadata.num_rows, metadata)
+        signed = metadata.get(HEADINGS) == digest
+        if not (signed and _in_order(file.metadata)):
+            raise InputError(
+                f"{path}: damaged, or not written by this project: its columns are not as written"
+            )
+        yield file
 
 
 def _in_order(metadata: "pyarrow.parquet.FileMetaData") -> bool:
     """Whether the footer lists the pages of all columns as they lie in the file: no checksum covers it."""
-    columns, groups = range(metadata.num_columns), range(metadata.num_row_groups)
-    chunks = [metadata.row_group(group).column(column) for group in groups for column in columns]
+    columns, groups = range(metadata.num_columns), map(metadata.row_group, range(metadata.num_row_groups))
+    chunks = [group.column(column) for group in groups for column in columns]
     starts = [chunk.data_page_offset for chunk in chunks]
-    paths = [metadata.schema.column(column).path for column in columns] * len(groups)
+    paths = [metadata.schema.column(column).path for column in columns] * metadata.num_row_groups
     return starts == sorted(starts) and paths == [chunk.path_in_schema for chunk in chunks]
 
 
 HEADINGS = b"columns sha256"
 
 
-def _headings(table: "pyarrow.Table") -> bytes:
+def _headings(schema: "pyarrow.Schema", rows: int, metadata: Mapping[bytes, bytes]) -> bytes:
     """Digest of everything outside the pages' checksums: names and types of columns, rows, metadata."""
-    schema = table.schema.remove_metadata()
-    digest = hashlib.sha256(f"{schema.to_string()}\n{table.num_rows}".encode())
-    for key, value in sorted((table.schema.metadata or {}).items()):
+    digest = hashlib.sha256(f"{schema.remove_metadata().to_string()}\n{rows}".encode())
+    for key, value in sorted(metadata.items()):
         if key not in (HEADINGS, b"ARROW:schema"):
             digest.update(key + b"\0" + value)
     return digest.hexdigest().encode()

@@ -1,7 +1,7 @@
 """Reading and writing of recordings and joint logs: messages of topics to streams, and back."""
 
 import json
-from collections.abc import Collection, Sequence
+from collections.abc import Collection, Iterator, Sequence
 from pathlib import Path
 from typing import Literal
 
@@ -142,14 +142,25 @@ def read_demonstrations(
         InputError: the source fails `source_files.recording_files`, or a recording `read_recording` or
             `synchronise`; the message names it.
     """
-    demonstrations = []
+    return list(each_demonstration(source, topics, rate_hz, max_gap_s, stamps))
+
+
+def each_demonstration(
+    source: str | Path,
+    topics: TopicMap = OWN_TOPICS,
+    rate_hz: float | None = None,
+    max_gap_s: float = MAX_GAP_S,
+    stamps: StampPolicy = AS_WRITTEN,
+) -> Iterator[Demonstration]:
+    """As `read_demonstrations`, one after the other: a single recording is in memory."""
     for file in recording_files(source):
         recording = read_recording(file, topics, stamps)
         try:
-            demonstrations.append(synchronise(recording, rate_hz, max_gap_s))
+            demonstration = synchronise(recording, rate_hz, max_gap_s)
         except InputError as error:
             raise InputError(f"{file.path}: {error}") from error
-    return demonstrations
+        yield demonstration
+        del recording, demonstration  # before the next one is read
 
 
 def read_recordings(
@@ -160,14 +171,21 @@ def read_recordings(
     Raises InputError: as `read_demonstrations`, except for the clock; or a recording fails
     `check_recording`.
     """
-    recordings = []
+    return list(each_recording(source, topics, stamps))
+
+
+def each_recording(
+    source: str | Path, topics: TopicMap = OWN_TOPICS, stamps: StampPolicy = AS_WRITTEN
+) -> Iterator[Recording]:
+    """As `read_recordings`, one after the other."""
     for file in recording_files(source):
-        recordings.append(read_recording(file, topics, stamps))
+        recording = read_recording(file, topics, stamps)
         try:
-            check_recording(recordings[-1])
+            check_recording(recording)
         except InputError as error:
             raise InputError(f"{file.path}: {error}") from error
-    return recordings
+        yield recording
+        del recording  # before the next one is read
 
 
 def write_recordings(recordings: Sequence[Recording], folder: str | Path) -> None:

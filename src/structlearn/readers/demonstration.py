@@ -5,22 +5,28 @@ other stages read its runs, a set of demonstrations or executions. If a protocol
 clocks, the stage writes those.
 
 All are sets of time series in one Parquet file: a long table keyed by run, with units in its schema. Fields
-of runs that are not series (provenance, shapes, names of joints) are JSON in the schema's metadata, in the
+of runs that are not series (provenance, shapes, names of joints) are JSON in the file's metadata, in the
 order of the runs. Columns that a run did not record are null. Equal sets give equal bytes, and a damaged file
-raises an error (`core.artefacts`).
+raises an error (`core.artefacts`). Runs are written as they come, and a reader may ask for some signals only:
+a set may be larger than memory.
 """
 
 import json
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
+from itertools import groupby
+from operator import itemgetter
 from pathlib import Path
-from typing import Any, Literal, get_args
+from typing import TYPE_CHECKING, Any, Literal, get_args
 
 import numpy as np
 import pyarrow
 
-from structlearn.core.artefacts import read_arrow, write_arrow
+from structlearn.core.artefacts import open_arrow, write_groups
 from structlearn.core.errors import InputError
+
+if TYPE_CHECKING:
+    from pyarrow.parquet import ParquetFile
 
 Kind = Literal[
     "pose",
@@ -54,6 +60,8 @@ SIGNAL_UNITS = {
 }
 """Sampled signals; quaternions are w, x, y, z and have no unit, a wrench is force, then torque."""
 
+POSE = ("position", "orientation")
+"""Signals of a movement; many protocols read no others."""
 
 PARTS: Mapping[str, Sequence[str]] = {
     **dict.fromkeys(("position", "velocity", "angular_velocity"), "xyz"),
@@ -63,6 +71,9 @@ PARTS: Mapping[str, Sequence[str]] = {
 """Column names of a signal; those of joints and electrodes are numbered from 0."""
 
 RUN, UNIT, RUNS = "run", b"unit", b"runs"
+
+GROUP_ROWS = 2**15
+"""Least rows of a row group: half a minute at 1 kHz; short runs share one."""
 
 
 @dataclass(frozen=True)
@@ -187,113 +198,176 @@ def columns_of(signal: str, values: np.ndarray, parts: Iterable[Any]) -> dict[st
     return {f"{signal}.{part}": column for part, column in zip(parts, values.T, strict=True)}
 
 
-def write_series(runs: Sequence[Series], units: Mapping[str, str], target: str | Path) -> None:
-    """Publish a set of runs, maybe empty; units by column, or by its name up to the first point."""
-    names = list(dict.fromkeys(name for run in runs for name in run.columns))
-    lengths = [len(next(iter(run.columns.values()))) for run in runs]
+def write_series(runs: Iterable[Series], units: Mapping[str, str], target: str | Path) -> None:
+    """Publish a set of runs, maybe empty, as they come: at least `GROUP_ROWS` at a time are in memory.
+
+    Units by column, or by its name up to the first point.
+    """
+    about = {}
+
+    def tables() -> Iterator[pyarrow.Table]:
+        waiting: list[Series] = []
+        rows = 0
+        for run in runs:
+            about[run.name] = dict(run.about)
+            waiting.append(run)
+            rows += _length(run)
+            if rows >= GROUP_ROWS:
+                yield _table(waiting, units)
+                waiting, rows = [], 0
+            del run  # before the next one is made
+        if waiting or not about:
+            yield _table(waiting, units)
+
+    write_groups(tables(), target, lambda: {RUNS: json.dumps(about).encode()})
+
+
+def _table(runs: Sequence[Series], units: Mapping[str, str]) -> pyarrow.Table:
+    """Runs below each other, keyed by name."""
+    lengths = [_length(run) for run in runs]
     index = pyarrow.array(np.repeat(np.arange(len(runs), dtype=np.int32), lengths))
-    run_names = pyarrow.array([run.name for run in runs], pyarrow.string())
-    keys = pyarrow.DictionaryArray.from_arrays(index, run_names)
+    keys = pyarrow.DictionaryArray.from_arrays(
+        index, pyarrow.array([run.name for run in runs], pyarrow.string())
+    )
     arrays, fields = [keys], [pyarrow.field(RUN, keys.type)]
-    for name in names:
+    for name in dict.fromkeys(name for run in runs for name in run.columns):
         kind = next(pyarrow.array(run.columns[name][:0]).type for run in runs if name in run.columns)
         parts = [
             pyarrow.array(run.columns[name]) if name in run.columns else pyarrow.nulls(length, kind)
             for run, length in zip(runs, lengths, strict=True)
         ]
-        arrays.append(pyarrow.concat_arrays(parts))
+        arrays.append(pyarrow.chunked_array(parts))
         unit = units[name if name in units else name.partition(".")[0]]
         fields.append(pyarrow.field(name, kind, metadata={UNIT: unit.encode()}))
-    about = json.dumps({run.name: dict(run.about) for run in runs})
-    schema = pyarrow.schema(fields, metadata={RUNS: about.encode()})
-    table = pyarrow.Table.from_arrays(arrays, schema=schema)
-    write_arrow(table, target, use_dictionary=[RUN], use_byte_stream_split=names)  # saves 30 % on noisy data
+    return pyarrow.Table.from_arrays(arrays, schema=pyarrow.schema(fields))
+
+
+def _length(run: Series) -> int:
+    return len(next(iter(run.columns.values())))
 
 
 def read_series(path: str | Path) -> list[Series]:
     """Read a set of runs in order. Raises InputError: missing, damaged or another file."""
-    table = read_arrow(path)
-    about = (table.schema.metadata or {}).get(RUNS)
+    return list(each_series(path))
+
+
+def each_series(path: str | Path, signals: Collection[str] | None = None) -> Iterator[Series]:
+    """As `read_series`, run by run; with `signals`, only columns of these names up to the first point."""
+    with open_arrow(path) as file:
+        known, rows, names = _about(path, file), 0, file.schema_arrow.names
+        if signals is not None:
+            names = [name for name in names if name.partition(".")[0] in {RUN, *signals}]
+        damage = InputError(f"{path}: damaged: its rows are not those of its runs")
+        expected = iter(known)
+        for name, parts in groupby(_slices(file, names), key=itemgetter(0)):
+            table = pyarrow.concat_tables([part for _, part in parts])
+            rows += len(table)
+            if next(expected, None) != name:
+                raise damage
+            columns = {key: table[key].combine_chunks() for key in table.column_names if key != RUN}
+            arrays = {key: column.to_numpy() for key, column in columns.items() if not column.null_count}
+            yield Series(name, arrays, known[name])
+        if next(expected, None) is not None or rows != file.metadata.num_rows:
+            raise damage
+
+
+def _slices(file: "ParquetFile", names: Sequence[str]) -> Iterator[tuple[str, pyarrow.Table]]:
+    """Names of runs with their rows; a run may go on in the next slice."""
+    for group in range(file.num_row_groups):
+        table = file.read_row_group(group, names)
+        keys = table[RUN].combine_chunks()
+        starts = np.flatnonzero(np.diff(keys.indices.to_numpy(), prepend=-1)).tolist()
+        for start, end in zip(starts, [*starts[1:], len(table)], strict=False):
+            yield keys[start].as_py(), table.slice(start, end - start)
+
+
+def read_about(path: str | Path) -> dict[str, dict[str, Any]]:
+    """What is known of each run of a set besides its series; reads the file's metadata only."""
+    with open_arrow(path) as file:
+        return _about(path, file)
+
+
+def _about(path: str | Path, file: "ParquetFile") -> dict[str, dict[str, Any]]:
+    about = file.metadata.metadata.get(RUNS)
     if about is None:
         raise InputError(f"{path}: holds no runs")
-    known = json.loads(about)
-    keys = table[RUN].combine_chunks()
-    index = keys.indices.to_numpy()
-    names = keys.dictionary.to_pylist()
-    starts = np.searchsorted(index, np.arange(len(names) + 1)).tolist()
-    if names != list(known) or (np.diff(index) < 0).any():
-        raise InputError(f"{path}: damaged: its rows are not those of its runs")
-    columns = {name: table[name].combine_chunks() for name in table.column_names if name != RUN}
-    runs = []
-    for name, start, end in zip(names, starts[:-1], starts[1:], strict=True):
-        mine = {key: column.slice(start, end - start) for key, column in columns.items()}
-        arrays = {key: part.to_numpy() for key, part in mine.items() if not part.null_count}
-        runs.append(Series(name, arrays, known[name]))
-    return runs
+    return json.loads(about)
 
 
-def write_runs(runs: Sequence[Demonstration], target: str | Path) -> None:
+def write_runs(runs: Iterable[Demonstration], target: str | Path) -> None:
     """Publish a set of runs as a Parquet table with a column per component, e.g. `position.x` in m."""
-    series = []
-    for run in runs:
-        columns = {"time": run.time}
-        for signal in SIGNAL_UNITS:
-            values = getattr(run, signal)
-            if values is not None:
-                columns |= columns_of(signal, values, PARTS.get(signal, range(values.shape[1])))
-        shapes = [
-            {key: np.asarray(value).tolist() for key, value in vars(shape).items()} for shape in run.shapes
-        ]
-        about = {
-            "provenance": dict(run.provenance),
-            "joint_names": list(run.joint_names),
-            "true_segments": None if run.true_segments is None else run.true_segments.tolist(),
-            "shapes": shapes,
-        }
-        series.append(Series(run.name, columns, about))
-    write_series(series, {"time": "s", **SIGNAL_UNITS}, target)
+    write_series(map(_series, runs), {"time": "s", **SIGNAL_UNITS}, target)
 
 
-def read_runs(path: str | Path) -> list[Demonstration]:
-    """Read a set of runs, in the order in which they were written."""
-    runs = []
-    for run in read_series(path):
-        signals: dict[str, Any] = {}
-        for signal in SIGNAL_UNITS:
-            if names := [name for name in run.columns if name.partition(".")[0] == signal]:
-                signals[signal] = run.stacked(names)
-        if (segments := run.about["true_segments"]) is not None:
-            signals["true_segments"] = np.array(segments, dtype=float).reshape(-1, 2)
-        signals["shapes"] = tuple(
-            NamedShape(
-                shape["name"],
-                shape["form"],
-                *(np.array(shape[key]) for key in ("position", "orientation", "size")),
-            )
-            for shape in run.about["shapes"]
+def _series(run: Demonstration) -> Series:
+    columns = {"time": run.time}
+    for signal in SIGNAL_UNITS:
+        values = getattr(run, signal)
+        if values is not None:
+            columns |= columns_of(signal, values, PARTS.get(signal, range(values.shape[1])))
+    shapes = [{key: np.asarray(value).tolist() for key, value in vars(shape).items()} for shape in run.shapes]
+    about = {
+        "provenance": dict(run.provenance),
+        "joint_names": list(run.joint_names),
+        "true_segments": None if run.true_segments is None else run.true_segments.tolist(),
+        "shapes": shapes,
+    }
+    return Series(run.name, columns, about)
+
+
+def read_runs(path: str | Path, signals: Collection[str] | None = None) -> list[Demonstration]:
+    """Read a set of runs, in the order in which they were written.
+
+    With `signals`, some of `SIGNAL_UNITS`, all others except the position are None, and take no memory.
+    """
+    return list(each_run(path, signals))
+
+
+def each_run(path: str | Path, signals: Collection[str] | None = None) -> Iterator[Demonstration]:
+    """As `read_runs`, run by run."""
+    wanted = None if signals is None else {"time", "position", *signals}
+    return map(_run, each_series(path, wanted))
+
+
+def _run(series: Series) -> Demonstration:
+    signals: dict[str, Any] = {}
+    for signal in SIGNAL_UNITS:
+        if names := [name for name in series.columns if name.partition(".")[0] == signal]:
+            signals[signal] = series.stacked(names)
+    about = series.about
+    if (segments := about["true_segments"]) is not None:
+        signals["true_segments"] = np.array(segments, dtype=float).reshape(-1, 2)
+    signals["shapes"] = tuple(
+        NamedShape(
+            shape["name"],
+            shape["form"],
+            *(np.array(shape[key]) for key in ("position", "orientation", "size")),
         )
-        signals |= {"provenance": run.about["provenance"], "joint_names": tuple(run.about["joint_names"])}
-        runs.append(Demonstration(run.name, run.columns["time"], **signals))
-    return runs
+        for shape in about["shapes"]
+    )
+    signals |= {"provenance": about["provenance"], "joint_names": tuple(about["joint_names"])}
+    return Demonstration(series.name, series.columns["time"], **signals)
 
 
-def write_streams(recordings: Sequence[Recording], target: str | Path) -> None:
+def write_streams(recordings: Iterable[Recording], target: str | Path) -> None:
     """Publish the streams of recordings, one series each, stamps in ns; without shapes and joint names."""
-    series = []
-    for recording in recordings:
-        for place, stream in enumerate(recording.streams):
-            columns = columns_of("value", stream.values, range(stream.values.shape[1]))
-            about = {"recording": recording.name, "topic": stream.topic, "kind": stream.kind}
-            known = about | {"provenance": dict(recording.provenance)}
-            series.append(Series(f"{recording.name} {place}", {"stamp": stream.stamps} | columns, known))
-    write_series(series, {"stamp": "ns", "value": "as `recording.Stream` has it"}, target)
+
+    def series() -> Iterator[Series]:
+        for recording in recordings:
+            for place, stream in enumerate(recording.streams):
+                columns = columns_of("value", stream.values, range(stream.values.shape[1]))
+                about = {"recording": recording.name, "topic": stream.topic, "kind": stream.kind}
+                known = about | {"provenance": dict(recording.provenance)}
+                yield Series(f"{recording.name} {place}", {"stamp": stream.stamps} | columns, known)
+
+    write_series(series(), {"stamp": "ns", "value": "as `recording.Stream` has it"}, target)
 
 
 def read_streams(path: str | Path) -> list[Recording]:
     """Read the file of `write_streams`."""
     streams: dict[str, list[Stream]] = {}
     provenance = {}
-    for run in read_series(path):
+    for run in each_series(path):
         about = run.about
         values = run.stacked([name for name in run.columns if name != "stamp"])
         stream = Stream(about["topic"], about["kind"], run.columns["stamp"], values)

@@ -2,7 +2,7 @@
 
 import csv
 import re
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from decimal import Decimal
 from pathlib import Path
@@ -58,15 +58,21 @@ def natural_order(name: str) -> list[str | int]:
 
 def read_each(read: Callable[[Path], T], paths: Iterable[Path], left_out: LeftOut) -> list[T]:
     """Read files one by one; unreadable ones are left out if there is a dict for the reasons."""
-    contents = []
+    return list(each_readable(read, paths, left_out))
+
+
+def each_readable(read: Callable[[Path], T], paths: Iterable[Path], left_out: LeftOut) -> Iterator[T]:
+    """As `read_each`, of which one at a time is in memory."""
     for path in paths:
         try:
-            contents.append(read(path))
+            content = read(path)
         except InputError as error:
             if left_out is None:
                 raise
             left_out[f"{path.parent.name}/{path.name}"] = str(error)
-    return contents
+        else:
+            yield content
+            del content  # before the next one is read
 
 
 def read_text(path: Path) -> str:

@@ -4,7 +4,7 @@ A dynamics model is learned from joints alone, so a log needs no end-effector po
 Stages exchange logs as tables; a robot's own log is a bag (`bag_recording.read_joint_log`).
 """
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field, fields
 from pathlib import Path
 from typing import TypeVar
@@ -13,7 +13,7 @@ import numpy as np
 
 from structlearn.core.errors import InputError
 from structlearn.readers.clock import at_row
-from structlearn.readers.demonstration import Series, columns_of, read_series, write_series
+from structlearn.readers.demonstration import Series, columns_of, each_series, write_series
 
 UNITS = {
     "stamps": "ns",
@@ -103,16 +103,16 @@ def signals_of(kind: type[MotionLog]) -> list[str]:
     return [signal.name for signal in fields(kind) if signal.name in UNITS and signal.name != "stamps"]
 
 
-def write_log_table(logs: Sequence[MotionLog], target: str | Path) -> None:
+def write_log_table(logs: Iterable[MotionLog], target: str | Path) -> None:
     """Publish a set of logs as a Parquet table with the columns `stamps`, `positions.JOINT`, ..."""
-    runs = []
-    for log in logs:
-        columns = {"stamps": log.stamps}
-        for signal in signals_of(type(log)):
-            columns |= columns_of(signal, getattr(log, signal), log.joints)
-        about = {"joints": list(log.joints), "provenance": dict(log.provenance)}
-        runs.append(Series(log.name, columns, about))
-    write_series(runs, UNITS, target)
+    write_series(map(_series, logs), UNITS, target)
+
+
+def _series(log: MotionLog) -> Series:
+    columns = {"stamps": log.stamps}
+    for signal in signals_of(type(log)):
+        columns |= columns_of(signal, getattr(log, signal), log.joints)
+    return Series(log.name, columns, {"joints": list(log.joints), "provenance": dict(log.provenance)})
 
 
 def read_log_table(
@@ -121,7 +121,7 @@ def read_log_table(
 ) -> list[Log]:
     """Read a set of logs in the order of writing. Raises InputError: it is another kind."""
     logs = []
-    for run in read_series(path):
+    for run in each_series(path):
         try:
             joints = tuple(run.about["joints"])
             signals = [run.stacked([f"{signal}.{joint}" for joint in joints]) for signal in signals_of(kind)]

@@ -6,7 +6,7 @@ if it varies, `z_m`, the height of the probe; with `force_n`, the reading of a s
 tactile signal, the place is the recorded pose.
 """
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 
@@ -14,7 +14,7 @@ import numpy as np
 
 from structlearn.core.artefacts import read_csv
 from structlearn.core.errors import InputError
-from structlearn.readers.demonstration import Demonstration, Series, read_series, write_series
+from structlearn.readers.demonstration import Demonstration, Series, each_series, write_series
 from structlearn.readers.foreign_tables import natural_order, read_parquet
 from structlearn.readers.user_tables import TIME, check_finite
 
@@ -57,23 +57,27 @@ def touch_tables(source: Path) -> list[Path]:
     return sorted(tables, key=lambda path: natural_order(path.stem))
 
 
-def write_touch_logs(logs: Sequence[TouchLog], target: str | Path) -> None:
+def write_touch_logs(logs: Iterable[TouchLog], target: str | Path) -> None:
     """Publish recordings with unique names as one table, with their provenance."""
-    series = []
-    for log in logs:
-        known: Mapping[str, np.ndarray | None] = {TIME: log.time, FORCE: log.force}
-        columns = {name: values for name, values in known.items() if values is not None}
-        if log.place is not None:
-            columns |= dict(zip(PLACE, log.place.T, strict=True))
-        columns |= dict(zip(log.channels, log.counts.T, strict=True))
-        series.append(Series(log.name, columns, log.provenance))
-    write_series(series, TOUCH_UNITS | {name: "counts" for log in logs for name in log.channels}, target)
+    units = dict(TOUCH_UNITS)
+
+    def series() -> Iterator[Series]:
+        for log in logs:
+            known: Mapping[str, np.ndarray | None] = {TIME: log.time, FORCE: log.force}
+            columns = {name: values for name, values in known.items() if values is not None}
+            if log.place is not None:
+                columns |= dict(zip(PLACE, log.place.T, strict=True))
+            columns |= dict(zip(log.channels, log.counts.T, strict=True))
+            units.update(dict.fromkeys(log.channels, "counts"))
+            yield Series(log.name, columns, log.provenance)
+
+    write_series(series(), units, target)
 
 
 def read_touch_logs(path: str | Path) -> list[TouchLog]:
     """Read the table of `write_touch_logs`."""
     logs = []
-    for run in read_series(path):
+    for run in each_series(path):
         channels = tuple(name for name in run.columns if name not in TOUCH_UNITS)
         place = run.stacked(PLACE) if PLACE[-1] in run.columns else None
         time, force = run.columns.get(TIME), run.columns.get(FORCE)

@@ -75,7 +75,7 @@ def split_repeats(
         for number, chain in enumerate(chains, start=1):
             first, last = _with_rests(choices, chain, MOVED * longest, round(LONGEST_REST_S / recording.dt))
             name = f"{recording.name}-{number:02d}"
-            parts.append(_part(recording, name, first, last))
+            parts.append(excerpt(recording, name, first, last))
             mean = np.mean([cost[chosen] for cost, chosen in zip(costs, chain, strict=True)])
             rows.append((recording.name, name, recording.time[first], recording.time[last], float(mean)))
     return parts, pd.DataFrame(rows, columns=REPEAT_COLUMNS)
@@ -168,7 +168,7 @@ def _with_rests(choices: Candidates, chain: np.ndarray, moved: float, most: int)
     return max(begin, first - most), min(end, last + most)
 
 
-def _part(recording: Demonstration, name: str, first: int, last: int) -> Demonstration:
+def excerpt(recording: Demonstration, name: str, first: int, last: int) -> Demonstration:
     """Samples first..last of a recording as a demonstration."""
     here, time = slice(first, last + 1), recording.time[[first, last]]
     signals = {

@@ -3,7 +3,7 @@
 import os
 import re
 import sys
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Collection, Mapping
 from pathlib import Path
 
 import pandas as pd
@@ -15,7 +15,7 @@ from structlearn.core.params import ParametersType, home_path, read_parameters, 
 from structlearn.core.stage import RUN_BY_DVC, run
 from structlearn.primitives.primitive_files import read_primitives
 from structlearn.primitives.sequence import PosePrimitive
-from structlearn.readers.demonstration import Demonstration, read_runs, read_series
+from structlearn.readers.demonstration import Demonstration, read_about, read_runs
 from structlearn.segmentation.segments import Segmentation, read_segmentation
 
 DATA, REPORTS = Path("data/tasks"), Path("reports/tasks")
@@ -79,8 +79,8 @@ class TaskFiles:
 
     def origins(self) -> list[str]:
         """Sources of a public set, with their licences."""
-        recorded = [run for path in sorted(self.recorded.glob("*.parquet")) for run in read_series(path)]
-        known = [run.about.get("provenance", run.about) for run in recorded]
+        paths = sorted(self.recorded.glob("*.parquet"))
+        known = [about.get("provenance", about) for path in paths for about in read_about(path).values()]
         named = [f"{about['source']} ({about['licence']})" for about in known if "licence" in about]
         return list(dict.fromkeys(named))
 
@@ -88,9 +88,9 @@ class TaskFiles:
         """`file` and `reason` of recordings that could not be read."""
         return read_csv(self.recorded / LEFT_OUT, keep_default_na=False)
 
-    def runs(self, kind: str) -> list[Demonstration]:
-        """Runs of one kind: demonstrations, executions, reaches, or `corrections/SETTING`."""
-        return read_runs(self.recorded / f"{kind}.parquet")
+    def runs(self, kind: str, signals: Collection[str] | None = None) -> list[Demonstration]:
+        """Runs of one kind (demonstrations, executions, reaches, or `corrections/SETTING`): `read_runs`."""
+        return read_runs(self.recorded / f"{kind}.parquet", signals)
 
     def segmentation(self) -> Segmentation:
         """Cuts of the demonstrations."""

@@ -8,14 +8,16 @@ A reader is a module with a function per kind of data, `read_KIND`; it has the n
     read_obstacles(folder, entry, left_out) -> list[Recording], with shapes, and `person` in their provenance
     read_touch(folder, entry, left_out) -> list[TouchLog], or list[Recording] if `entry.surfaces`
 
-`entry` has the task's parameters; `left_out[file] = reason` records what could not be read. The reader `bags`
-is the kind's own, for all formats of `readers.source_files`.
+`entry` has the task's parameters; `left_out[file] = reason` records what could not be read. A generator does
+as well as a list: recordings are written one by one. The reader `bags` is the kind's own, for all formats of
+`readers.source_files`.
 """
 
 import shutil
 import sys
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable, Iterator
 from importlib import import_module
+from operator import itemgetter
 from pathlib import Path
 from typing import Any
 
@@ -92,35 +94,47 @@ def read_source(task: SourceParameters, source: str, left_out: LeftOut, bags: Re
 
 
 def write_checked_streams(
-    task: SourceParameters, recordings: Sequence[Recording], folder: Path, left_out: LeftOut
+    task: SourceParameters, recordings: Iterable[Recording], folder: Path, left_out: LeftOut
 ) -> None:
     """Write `streams` at the sensors' own rates, of recordings that can be put on one clock."""
-    checked = {recording.name for recording in on_clock(task, recordings, None, left_out)}
-    write_streams(
-        [recording for recording in recordings if recording.name in checked], folder / "streams.parquet"
-    )
+    checked = _resampled(task, recordings, None, left_out)
+    write_streams(map(itemgetter(0), checked), folder / "streams.parquet")
 
 
 def on_clock(
     task: SourceParameters,
-    recordings: Sequence[Recording],
+    recordings: Iterable[Recording],
     clock: ClockParameters | None,
     left_out: LeftOut,
     refuse_jumps: bool = True,
-) -> list[Demonstration]:
-    """Resample recordings to a clock; failing ones are left out or an error, see `goes_on`."""
-    on = clock.model_dump() if clock else {}  # default: the rate of the poses
-    runs = []
+) -> Iterator[Demonstration]:
+    """Resample recordings to a clock, one by one; failing ones are left out or an error, see `goes_on`."""
+    return map(itemgetter(1), _resampled(task, recordings, clock, left_out, refuse_jumps))
+
+
+def _resampled(
+    task: SourceParameters,
+    recordings: Iterable[Recording],
+    clock: ClockParameters | None,
+    left_out: LeftOut,
+    refuse_jumps: bool = True,
+) -> Iterator[tuple[Recording, Demonstration]]:
+    """Recordings and what `on_clock` makes of them."""
+    on, empty = clock.model_dump() if clock else {}, True  # default: the rate of the poses
     for recording in recordings:
         try:
-            runs.append(synchronise(recording, **on, refuse_jumps=refuse_jumps))
+            run = synchronise(recording, **on, refuse_jumps=refuse_jumps)
         except InputError as error:
             if not goes_on(task):
                 raise InputError(f"{task.source}: {error}") from error
             left_out[recording.name] = str(error)
-    if not runs:
+        else:
+            empty = False
+            yield recording, run
+            del run
+        del recording  # before the next one is read
+    if empty:
         raise InputError(f"{task.source}: holds no recording that can be read")
-    return runs
 
 
 def goes_on(task: SourceParameters) -> bool:

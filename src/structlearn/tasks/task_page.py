@@ -6,6 +6,7 @@ from pathlib import Path
 from types import ModuleType
 from typing import Any
 
+from structlearn.readers.demonstration import read_about
 from structlearn.reporting.document import Document, Source, Table, environment
 from structlearn.reporting.figure_style import Drawing
 from structlearn.reporting.findings import Findings
@@ -69,7 +70,8 @@ def task_page(files: TaskFiles) -> TaskPage:
         "sections": sections,
     }
     if kind == "movement" and not absent:
-        simulated = any(run.simulated for run in files.runs("demonstrations"))
+        demonstrations = read_about(files.recorded / "demonstrations.parquet").values()
+        simulated = any(about["provenance"].get("origin") == "simulated" for about in demonstrations)
     else:
         simulated = any(section.facts.get("origin", {}).get("origin") == "simulated" for section in sections)
     document = Document(

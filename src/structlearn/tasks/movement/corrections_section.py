@@ -12,6 +12,7 @@ from structlearn.feedback.coupling_dataset import CouplingDataset
 from structlearn.primitives.fitting import Segment, segment_paths
 from structlearn.primitives.position import in_local_frame
 from structlearn.primitives.sequence import PosePrimitive
+from structlearn.readers.demonstration import POSE, read_about
 from structlearn.reporting.document import Table
 from structlearn.reporting.figure_style import SAMPLES, legend, panel, styled
 from structlearn.reporting.findings import Findings
@@ -44,7 +45,7 @@ def feedback_section(files: TaskFiles) -> Section | None:
         "Feedback from corrections",
         facts={
             "parameters": parameters,
-            "executions": len(files.runs("executions")),
+            "executions": len(read_about(files.recorded / "executions.parquet")),
             "corrections": int(checks.groupby("primitive").size().max()),
             "by": "setting" if len(parameters.settings) > 1 else "part of the demonstrations",
             "worst": nmse.max(),
@@ -100,7 +101,7 @@ def phase_section(files: TaskFiles) -> Section | None:
         return None
     own, (primitive,) = files.entry(MovementEntry), files.primitives()
     cuts = files.segmentation().result(primitive.name)
-    segments = segment_paths(files.runs("demonstrations"), cuts, own.fit.smoothing_hz)
+    segments = segment_paths(files.runs("demonstrations", POSE), cuts, own.fit.smoothing_hz)
     names = ("completeness", "distances", "profile", "targets", "scores", "paths")
     ends, distances, profile, targets, scores, paths = (files.table(f"feedback/{name}") for name in names)
     runs = distances.groupby("run").mean(numeric_only=True)  # mean over the splits for each run

@@ -7,7 +7,7 @@ import pandas as pd
 from matplotlib.figure import Figure
 
 from structlearn.palette import BLACK, METHOD_NAMES
-from structlearn.readers.demonstration import Demonstration
+from structlearn.readers.demonstration import POSE, Demonstration
 from structlearn.reporting.document import Table
 from structlearn.reporting.evidence import difference
 from structlearn.reporting.figure_style import PANEL_WIDTH, canvas, styled
@@ -58,7 +58,7 @@ def recordings_section(files: TaskFiles) -> Section:
 def cuts_section(files: TaskFiles) -> Section:
     """Section on the cuts: start and end of each primitive in each demonstration."""
     own, segmentation = files.entry(MovementEntry), files.segmentation()
-    demonstrations = files.runs("demonstrations")
+    demonstrations = files.runs("demonstrations", POSE)
     by_name, flagged = (
         {demonstration.name: demonstration for demonstration in demonstrations},
         set(segmentation.warnings["demonstration"]),

@@ -21,7 +21,7 @@ from structlearn.primitives.position import in_local_frame
 from structlearn.primitives.sequence import PosePrimitive, largest_acceleration_jump
 from structlearn.primitives.trajectory import Trajectory
 from structlearn.primitives.twist_swing import dominant_axes, on_chart
-from structlearn.readers.demonstration import Demonstration
+from structlearn.readers.demonstration import POSE, Demonstration
 from structlearn.reporting.document import Table
 from structlearn.reporting.figure_style import SAMPLES, Drawing, legend, panel, styled
 from structlearn.reporting.findings import Findings
@@ -51,7 +51,7 @@ VIEWS = {"xz": ("From the side", "forward", "up"), "xy": ("From above", "forward
 
 def primitives_section(files: TaskFiles) -> Section:
     """Section on the learned primitives and their distances from the demonstrations."""
-    own, runs, primitives = files.entry(MovementEntry), files.runs("demonstrations"), files.primitives()
+    own, runs, primitives = files.entry(MovementEntry), files.runs("demonstrations", POSE), files.primitives()
     cuts = learned_cuts(files.segmentation(), own.keep_flagged)
     segments = sequence_segments(runs, cuts, own.fit.smoothing_hz)
     reproduction = files.table("primitives/reproduction").query("regression == @own.fit.regression")
@@ -197,7 +197,7 @@ def turns_section(files: TaskFiles) -> Section | None:
         return None
     errors = files.table("primitives/turns")
     single, joint = errors[errors["learned_from"] != "all"], errors[errors["learned_from"] == "all"]
-    runs, (primitive,) = files.runs("demonstrations"), files.primitives()
+    runs, (primitive,) = files.runs("demonstrations", POSE), files.primitives()
     segments = segment_paths(runs, files.segmentation().result(primitive.name), own.fit.smoothing_hz)
     find = Findings("logs")
     largest = {
@@ -261,7 +261,7 @@ def execution_section(files: TaskFiles) -> Section | None:
         "execution",
         "The execution",
         tables={"execution": shown(errors)},
-        pictures={"execution": execution_panel(files.runs("demonstrations"), nominal)},
+        pictures={"execution": execution_panel(files.runs("demonstrations", POSE), nominal)},
         find=find,
     )
 

@@ -4,6 +4,7 @@ from structlearn.core.artefacts import publish, write_metrics
 from structlearn.primitives import sequence
 from structlearn.primitives.fitting import learn_sequence
 from structlearn.primitives.primitive_files import write_primitives, write_vector_primitive
+from structlearn.readers.demonstration import POSE
 from structlearn.tasks.movement import movement_learning as learning
 from structlearn.tasks.movement.parameters import PARTS, MovementEntry
 from structlearn.tasks.task_files import TaskFiles, run_for_task, write_tables
@@ -18,7 +19,8 @@ NEW_SITUATION = sequence.GeneraliseParameters(
 
 
 def main(files: TaskFiles) -> None:
-    own, runs = files.entry(MovementEntry), files.runs("demonstrations")
+    own = files.entry(MovementEntry)
+    runs = files.runs("demonstrations", POSE if own.traces_hz is None else (*POSE, "tactile"))
     cuts = learning.learned_cuts(files.segmentation(), own.keep_flagged)
     primitives, dt = learn_sequence(runs, cuts, own.fit), runs[0].dt
     paths = {

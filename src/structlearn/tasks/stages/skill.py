@@ -13,7 +13,7 @@ from structlearn.tasks.task_files import SKILL, TaskFiles, leave_out, run_for_ta
 
 def main(files: TaskFiles) -> None:
     own, learned = files.entry(MovementEntry), read_feedback(files.folder / "feedback")
-    paths = [run.position for run in files.runs("demonstrations")]
+    paths = [run.position for run in files.runs("demonstrations", ())]
     workspace = demonstrated_workspace(paths, own.skill.workspace_margin_m)
     try:
         skill = ReactiveSkill(files.primitives(), workspace=workspace)

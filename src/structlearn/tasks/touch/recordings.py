@@ -1,10 +1,11 @@
 """Recorded touches of a task."""
 
-from collections.abc import Sequence
+from collections.abc import Iterable
 from pathlib import Path
 from typing import Any
 
-from structlearn.readers import Recording, read_recordings, synchronise
+from structlearn.readers import Recording, synchronise
+from structlearn.readers.bag_recording import each_recording
 from structlearn.readers.touch_log import TouchLog, read_touch_table, touch_of, touch_tables, write_touch_logs
 from structlearn.tasks.task_import import LeftOut, read_source, write_checked_streams
 from structlearn.tasks.touch.parameters import TouchParameters
@@ -19,12 +20,12 @@ def write(task: TouchParameters, folder: Path, left_out: LeftOut) -> None:
         write_touch_logs(found, folder / "touches.parquet")
 
 
-def read(folder: Path, entry: Any, left_out: LeftOut) -> Sequence[TouchLog | Recording]:
+def read(folder: Path, entry: Any, left_out: LeftOut) -> Iterable[TouchLog | Recording]:
     """Read tables of touches, or else bags with a tactile signal and the pose of what touches."""
     logs = [log for path in touch_tables(folder) for log in read_touch_table(path, entry.channels)]
     if logs:
         return logs
-    recordings = read_recordings(folder, entry.topics, entry.stamps)
+    recordings = each_recording(folder, entry.topics, entry.stamps)
     if entry.surfaces is not None:
         return recordings
-    return [touch_of(synchronise(one, **entry.clock.model_dump())) for one in recordings]
+    return (touch_of(synchronise(one, **entry.clock.model_dump())) for one in recordings)
