@@ -2,7 +2,7 @@ import pytest
 import torch
 from torch import nn
 
-from structlearn.networks.stacked_layers import Dropout, RowLayers, StackedLayers
+from structlearn.networks.stacked_layers import Dropout, RowLayers, StackedLayers, tanh_of_half
 from structlearn.networks.torch_settings import seeded
 
 SIZES = (4, 7, 5, 2)
@@ -114,3 +114,8 @@ def test_dropout_keeps_the_mean_and_is_for_training_alone():
     dropped = found[0] == 0.0
     assert torch.equal(dropped[0], dropped[1])  # one mask for all models
     assert abs(float(dropped.float().mean()) - 0.5) < 0.02
+
+
+def test_tanh_is_tanh():
+    values = torch.linspace(-20, 20, 401)
+    torch.testing.assert_close(tanh_of_half(2.0 * values), torch.tanh(values), atol=3e-7, rtol=0)
