@@ -24,6 +24,8 @@ EVALUATED_AT_ONCE = 128  # samples per model, so that a stack's activations stay
 CHOOSING = ("validation", "generalization")
 """Parts that may choose a step. Evaluating the others too would take five times as many samples."""
 
+NEGLIGIBLE = 1e-20  # in single precision, products of smaller phase features and gradients may be denormal
+
 DECAY = 0.9  # of RMSProp's running mean of squared gradients per step, as published
 
 
@@ -123,7 +125,7 @@ def standardised(jobs: Jobs, phases: int = 0, given: Units | None = None) -> tup
             values.append(column)
         units.append((mean, spread))
         inputs.append((np.hstack(values) - mean) / spread)
-    return units, as_tensor(np.stack(inputs))
+    return units, as_tensor(np.ascontiguousarray(np.stack(inputs)))  # a batch takes rows
 
 
 def scaled_targets(jobs: Jobs, inputs: Tensor, kernel_count: int | None) -> tuple[list[float], StackedData]:
@@ -132,9 +134,18 @@ def scaled_targets(jobs: Jobs, inputs: Tensor, kernel_count: int | None) -> tupl
     `kernel_count`: number of phase features; None for networks without them.
     """
     scales = [target_scale(dataset.target, fold) for dataset, fold in jobs]
-    modulation = None if kernel_count is None else as_tensor(jobs[0][0].modulation(kernel_count))
+    modulation = None if kernel_count is None else phase_features(jobs[0][0].modulation(kernel_count))
     targets = [dataset.target / scale for (dataset, _), scale in zip(jobs, scales, strict=True)]
     return scales, StackedData(inputs, modulation, as_tensor(np.stack(targets)), [fold for _, fold in jobs])
+
+
+def phase_features(features: np.ndarray) -> Tensor:
+    """Phase features (..., N) as a tensor, with 0 for those that are negligible.
+
+    In single precision, features far from a kernel's centre, or their products, are denormal. Arithmetic on
+    these takes half of a training step, and changes no sum.
+    """
+    return as_tensor(np.where(np.abs(features) < NEGLIGIBLE, 0.0, features)).contiguous()
 
 
 def choosing_errors(stack: Stack, data: StackedData) -> np.ndarray:

@@ -178,15 +178,20 @@ class StackedLagrangianNetworks:
 def _tangent(network: StackedLayers, values: Sequence[Tensor], direction: Tensor) -> Tensor:
     """Directional derivative (M, K, B) of a network's outputs along a direction (M, D, B) of its inputs."""
     for value, weights in zip(values, network.weights[:-1], strict=True):
-        direction = (1.0 - value * value) * torch.bmm(weights, direction)
+        direction = _times_tanh_slope(torch.bmm(weights, direction), value)
     return torch.bmm(network.weights[-1], direction)
 
 
 def _adjoint(network: StackedLayers, values: Sequence[Tensor], cotangent: Tensor) -> Tensor:
     """Vector-Jacobian product (M, D, B): gradient of cotangent (M, K, B) . outputs by the inputs."""
     for value, weights in zip(reversed(values), reversed(network.weights[1:]), strict=True):
-        cotangent = (1.0 - value * value) * torch.bmm(weights.mT, cotangent)
+        cotangent = _times_tanh_slope(torch.bmm(weights.mT, cotangent), value)
     return torch.bmm(network.weights[0].mT, cotangent)
+
+
+def _times_tanh_slope(factor: Tensor, value: Tensor) -> Tensor:
+    """Factor (1 - value^2), by torch's kernel of tanh's gradient, itself differentiable, in one call."""
+    return torch.ops.aten.tanh_backward(factor, value)
 
 
 class NetworkLearner:

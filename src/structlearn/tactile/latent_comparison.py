@@ -1,13 +1,11 @@
 """Training and evaluation of all latent spaces and their dynamics, over seeds (II.4.2 to II.4.5).
 
-The seeds are distributed over a few stacks, one process each, always the same seeds together, so that results
-do not depend on the number of cores. Every error is normalised, so that latent spaces of different scales can
-be compared. Tables are long, one row per model and quantity; `structure` and `seed` name the latent space.
+All seeds train as one stack. Every error is normalised, so that latent spaces of different scales can be
+compared. Tables are long, one row per model and quantity; `structure` and `seed` name the latent space.
 """
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
-from functools import partial
 from itertools import product
 
 import numpy as np
@@ -16,7 +14,6 @@ import torch
 from torch import Tensor
 
 from structlearn.core.errors import InputError
-from structlearn.core.parallel import parallel_map
 from structlearn.networks.torch_settings import as_tensor, one_thread, seeded
 from structlearn.tactile.geodesics import Geodesics
 from structlearn.tactile.latent_dynamics import LatentStep, chained, inferred_action
@@ -100,18 +97,31 @@ def learn_latent_spaces(
     test_chains = _chains(dataset, parameters.longest_chain, (TEST_STRIDE,), "test")
     actions, time_step = as_tensor(test_chains.actions / units.action_scale), as_tensor(test_chains.time_step)
     tested = replace(data, chains=torch.from_numpy(test_chains.rows), actions=actions, time_step=time_step)
-    groups = np.array_split(np.arange(parameters.seeds), min(parameters.stacks, parameters.seeds))
-    seeds = [tuple(group.tolist()) for group in groups]
-    learned = partial(_learned, data=data, splits=splits, tested=tested, units=units, parameters=parameters)
-    stacks, parts = zip(*parallel_map(learned, seeds, "latent spaces", local=True), strict=True)
-    models = LatentModels.joined(stacks)
-    tables = {name: pd.concat([part[name] for part in parts], ignore_index=True) for name in parts[0]}
+    models, tables = _learned(data, splits, tested, units, parameters)
     shown = latent_map(models, data.signals, dataset)
     return LatentComparison(models, units, tables | {"latent_map": shown})
 
 
+def initial_draws(electrodes: int, parameters: LatentParameters) -> list[LatentModels]:
+    """Untrained models of all seeds, one stack per start.
+
+    The seeds are divided into `stacks` groups. Each draws its initial weights from a generator of its own.
+    """
+    groups = np.array_split(np.arange(parameters.seeds), min(parameters.stacks, parameters.seeds))
+    seeds = [tuple(group.tolist()) for group in groups]
+    generators = [seeded(parameters.training.seed * 1000 + first) for first, *_ in seeds]
+    return [
+        LatentModels.joined(
+            [
+                LatentModels.initial(group, electrodes, parameters.networks, generator)
+                for group, generator in zip(seeds, generators, strict=True)
+            ]
+        )
+        for _ in range(parameters.starts)
+    ]
+
+
 def _learned(
-    seeds: tuple[int, ...],
     data: LatentData,
     splits: Mapping[str, SplitData],
     tested: LatentData,
@@ -119,13 +129,8 @@ def _learned(
     parameters: LatentParameters,
 ) -> tuple[LatentModels, dict[str, pd.DataFrame]]:
     """A trained stack, and its tables."""
-    training, electrodes = parameters.training, data.signals.shape[1]
-    generator = seeded(training.seed * 1000 + seeds[0])
-    draws = [
-        LatentModels.initial(seeds, electrodes, parameters.networks, generator)
-        for _ in range(parameters.starts)
-    ]
-    curve = []
+    training, curve = parameters.training, []
+    draws = initial_draws(data.signals.shape[1], parameters)
     with one_thread():
         models = best_start(draws, data, training, parameters.start_steps)
         for step in train_latent_spaces(models, data, training):

@@ -132,14 +132,17 @@ class LatentModels:
 
     @classmethod
     def joined(cls, stacks: Sequence[Self]) -> Self:
-        """One stack with the seeds of several."""
+        """One trainable stack with the seeds of several."""
         arrays = [stack.to_arrays() for stack in stacks]
         shapes = [(-1, len(stack.seeds)) for stack in stacks]
         joined = {}
         for name in arrays[0]:
             by_seed = [part[name].unflatten(0, shape) for part, shape in zip(arrays, shapes, strict=True)]
             joined[name] = torch.cat(by_seed, dim=1).flatten(0, 1)
-        return cls.from_arrays(sum((stack.seeds for stack in stacks), ()), joined)
+        models = cls.from_arrays(sum((stack.seeds for stack in stacks), ()), joined)
+        for values in (*models.autoencoders.parameters(), *models.dynamics_parameters()):
+            values.requires_grad_()
+        return models
 
     @classmethod
     def from_arrays(cls, seeds: Sequence[int], arrays: Mapping[str, Tensor]) -> Self:

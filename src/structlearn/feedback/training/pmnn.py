@@ -36,7 +36,13 @@ from structlearn.core.errors import InputError
 from structlearn.feedback.corrected_paths import CorrectedPaths, unrolled_error
 from structlearn.feedback.coupling_model import CouplingModel
 from structlearn.feedback.models.pmnn import PhaseModulatedNetwork
-from structlearn.feedback.supervised_training import Stack, scaled_targets, standardised, train_stack
+from structlearn.feedback.supervised_training import (
+    Stack,
+    phase_features,
+    scaled_targets,
+    standardised,
+    train_stack,
+)
 from structlearn.feedback.trainers import Jobs, Nodes, Trained, TrainingParameters, UnrolledTrainingParameters
 from structlearn.networks.stacked_layers import Dropout, RowLayers
 from structlearn.networks.torch_settings import Adam, as_tensor, one_thread, seeded
@@ -183,7 +189,8 @@ def train_unrolled(
     optimiser = Adam(stack.parameters(), parameters.learning_rate)
     # scaled as in the stack's training; L demonstrations of T samples
     inputs = as_tensor((training.deviation - initial.input_mean) / initial.input_scale)  # (L, T, D)
-    modulation = as_tensor(kernels.unit_features(training.target.shape[1], initial.kernel_count))  # (T, N)
+    samples = training.target.shape[1]
+    modulation = phase_features(kernels.unit_features(samples, initial.kernel_count))  # (T, N)
     target = as_tensor(training.target / target_scale)  # (L, T)
     correction = as_tensor(training.correction / path_scale)  # (L, T)
     response = as_tensor(training.response * (target_scale / path_scale))  # (T, T)
