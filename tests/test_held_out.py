@@ -144,8 +144,8 @@ FITS_ALL = {
 """Why functions that fit have no case."""
 
 LEARNERS = (
-    r"_?(fit|learn|train)(_\w+)?|\w*[Ll]earner|\w+_trainer|lstsq|unconstrained_minimiser|svd|PCA|polynomial"
-    r"|\w+_process|own_units|levenberg_marquardt"
+    r"_?(fit|partial_fit|learn|train)(_\w+)?|\w*[Ll]earner|\w+_trainer|lstsq|unconstrained_minimiser|svd|PCA"
+    r"|polynomial|\w+_process|own_units|levenberg_marquardt"
 )
 SEPARATES = r"held_out|left_out|leave_one_out|TRAIN|[Ff]olds?|judged"
 """Names of what fits, and names in modules of methods that hold something out."""
