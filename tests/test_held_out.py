@@ -108,7 +108,7 @@ from structlearn.tasks.movement.phase_corrections import _split, learn_correctio
 from structlearn.tasks.obstacles.learning import learn_past_obstacles
 from structlearn.tasks.project import STAGES
 from structlearn.tasks.touch import learning as touch_learning
-from structlearn.tasks.touch import skin_force, skin_readings, surface_traces
+from structlearn.tasks.touch import skin_force, skin_readings, skin_within_runs, surface_traces
 from structlearn.tasks.touch.skin_touches import learn_skin
 from structlearn.tasks.touch.surface_traces import deviations_from_expected
 
@@ -134,8 +134,8 @@ FITS_ALL = {
     "parts.learn avoidance_fits._errors fitting.learn_sequence "
     "autoencoded.train pca.train pca.train_on_codes",
     "what is compared with itself": "movement_learning.reproduction movement_learning.turn_errors "
-    "drives_and_load.payload_check finger_statistics.pca_dimensions trainings._once_through "
-    "training_choice.try_trainings",
+    "drives_and_load.payload_check differing_motion.differing_errors finger_statistics.pca_dimensions "
+    "trainings._once_through training_choice.try_trainings",
     "traces of all runs that are given": "feedback_learning.learn_feedback movement_learning.learn_traces",
     "searches by rollouts": "sample_efficiency._advance",
     "call the training of `train_latent` for another skin": "servo_trials.learn_other_skin",
@@ -143,8 +143,8 @@ FITS_ALL = {
 """Why functions that fit have no case."""
 
 LEARNERS = (
-    r"_?(fit|learn|train)(_\w+)?|\w*[Ll]earner|\w+_trainer|lstsq|unconstrained_minimiser|svd|PCA|polynomial"
-    r"|\w+_process|own_units|levenberg_marquardt"
+    r"_?(fit|partial_fit|learn|train)(_\w+)?|\w*[Ll]earner|\w+_trainer|lstsq|unconstrained_minimiser|svd|PCA"
+    r"|polynomial|\w+_process|own_units|levenberg_marquardt"
 )
 SEPARATES = r"held_out|left_out|leave_one_out|TRAIN|[Ff]olds?|judged"
 """Names of what fits, and names in modules of methods that hold something out."""
@@ -924,7 +924,10 @@ def few_channels(log: TouchLog) -> TouchLog:
     return replace(log, channels=log.channels[:3], counts=log.counts[:, :3])
 
 
-@of_stage("tasks/touch", fits="skin_readings._end_errors skin_readings.gaussian_process")
+@of_stage(
+    "tasks/touch",
+    fits="skin_within_runs._end_errors skin_readings.gaussian_process skin_within_runs.authors_network",
+)
 def end_of_a_run(monkeypatch, tmp_path):
     """Processes of a run's start, and among them those of its first part, by which inputs are chosen."""
     monkeypatch.setattr(skin_readings, "TUNING_SAMPLES", 20)
@@ -932,12 +935,14 @@ def end_of_a_run(monkeypatch, tmp_path):
     kept = np.flatnonzero(np.isfinite(whole.force))
     end = round(share * len(kept))
     inner = round((1.0 - (1.0 - share) / share) * end)
-    learn = each(
+    published = SKIN.published.model_copy(update={"first_share": share, "epochs": 1})
+    process = each(
         monkeypatch,
-        skin_readings,
+        skin_within_runs,
         "gaussian_process",
-        lambda log: skin_readings.within_runs([log], share),
+        lambda log: skin_within_runs.within_runs([log], published),
     )
+    network = each(monkeypatch, skin_within_runs, "authors_network", process)
 
     def changed(first, last=None):
         return with_wobbling(
@@ -945,8 +950,9 @@ def end_of_a_run(monkeypatch, tmp_path):
         )
 
     trained_on = changed(9, 12)
-    yield Case(learn, whole, changed(end), trained_on)
-    yield Case(lambda log: learn(log)[:-1], whole, changed(inner, end), trained_on)
+    yield Case(network, whole, changed(end), trained_on)
+    yield Case(process, whole, changed(end), trained_on)
+    yield Case(lambda log: process(log)[:-1], whole, changed(inner, end), trained_on)
 
 
 @of_stage("tasks/touch", fits="skin_force._models skin_force._process")

@@ -18,13 +18,26 @@ from structlearn.core.errors import InputError
 from structlearn.core.signals import minimum_jerk
 from structlearn.readers.joint_log import JointLog
 from structlearn.rigid_body.base_parameters import base_parameters
-from structlearn.rigid_body.dynamics_models import rigid_body_torques
+from structlearn.rigid_body.dynamics_models import (
+    predicted_torques,
+    read_dynamics_models,
+    rigid_body_torques,
+)
 from structlearn.rigid_body.friction import friction_columns
 from structlearn.rigid_body.model_comparison import TRAIN
 from structlearn.rigid_body.motion import Motion
 from structlearn.rigid_body.regressor import link_parameters, torque_regressor
 from structlearn.rigid_body.robot import Robot, read_urdf
 from structlearn.rigid_body.tree import LinkInertias
+from structlearn.tasks.motion.differing_motion import (
+    ALL,
+    INERTIA,
+    REFITTED,
+    REPEATABILITY,
+    DifferingMotion,
+    differing_errors,
+)
+from structlearn.tasks.motion.differing_motion import LEARNED as LOST
 from structlearn.tasks.motion.learning import learn_motion
 from structlearn.tasks.motion.parameters import LARGEST_CONDITION, MotionParameters
 from structlearn.tasks.motion.repeated_motion import repeat_lines, repeats
@@ -198,6 +211,52 @@ def test_a_repetition_is_found_at_its_lag_and_neighbours_are_none():
         if expected:
             assert row["lag_s"] == pytest.approx(6.0)  # of 18 s after the start, 12 s before
             assert row["difference"] == pytest.approx(0.0, abs=1e-6)
+
+
+def test_a_test_motion_that_repeats_the_training_motion_is_halved(several, tmp_path):
+    """Then a model of the first half alone meets other motion, and the repetition gives the floor."""
+    whole = several[0].differing.pivot_table("rmse_n_m", "joint", "fitted")
+    assert not several[0].differing["halved"].any()
+    assert REPEATABILITY not in whole
+    log, late = made_up_log(arm()[0], "first", 5), made_up_log(arm()[0], "second", 5, seconds=20.0)
+    rng = np.random.default_rng(0)
+    rough = [
+        replace(its, torques=its.torques + 0.1 * rng.standard_normal(its.torques.shape))
+        for its in (log, late)
+    ]
+    found = identified(tmp_path, rough).differing
+    assert found["halved"].all()
+    assert found["learned_s"][0] == found["tested_s"][0] == pytest.approx(9.0, abs=0.5)
+    errors = found.pivot_table("rmse_n_m", "joint", "fitted")
+    np.testing.assert_allclose(errors[REPEATABILITY], errors[ALL], rtol=0.3)
+    assert (errors[ALL] <= 1.01 * errors[LOST]).all()
+
+
+@pytest.mark.parametrize("changed", [*REFITTED])
+def test_the_term_that_changed_accounts_for_the_loss(several, changed):
+    """Torques of a known model and of one change, in joint 2 or of a load."""
+    tree, model = arm()[0].tree, read_dynamics_models(several[1] / "models/cov_coulomb.safetensors")
+    log = made_up_log(arm()[0], "other", 7)
+    q, qd = (values[:, :0:-1] for values in (log.positions, log.velocities))
+    motion = Motion(q, qd, np.gradient(qd, 0.01, axis=0), np.zeros_like(q))
+    if changed == INERTIA:
+        bodies = arm()[0].inertias, carrying(arm()[0].inertias, Payload(0.5, (0.2, 0.0, 0.1), 0.0))
+        empty, loaded = (rigid_body_torques(tree, its, motion) for its in bodies)
+        change = loaded - empty
+    else:
+        change = friction_columns(q, qd, REFITTED[changed]).sum(axis=-1) * [0.0, 1.0, 0.0]
+    torque = predicted_torques(model, tree, motion)[0]
+    torque += 0.01 * np.random.default_rng(0).standard_normal(q.shape)
+    test, again = replace(motion, torque=torque + change), replace(motion, torque=torque + change - 0.5)
+    errors = differing_errors(tree, model, DifferingMotion(None, test, again)).pivot_table(
+        "rmse_n_m", "joint", "fitted"
+    )
+    np.testing.assert_allclose(errors[REPEATABILITY], 0.5 / np.sqrt(2.0))
+    assert errors[changed].max() < 0.011
+    others = [
+        name for name in (LOST, *REFITTED) if name not in (changed, INERTIA)
+    ]  # it may stand in for them
+    assert errors[others].max().min() > 0.05
 
 
 def test_a_log_that_is_too_short_or_lacks_a_joint_is_refused(tmp_path):

@@ -30,7 +30,7 @@ def small(steps=150, folds=2, block_mm=3.0):
     spaces = {"seeds": 1, "pair_pool": 5000, "evaluation_pairs": 2000}
     spaces["training"] = {"steps": steps, "evaluate_every": steps}
     servo = {"walks": 500, "trials": 8, "steps": 10}
-    its = {"copies": 2, "rival_samples": 80, "spaces": spaces, "servo": servo}
+    its = {"copies": 2, "rival_samples": 80, "spaces": spaces, "servo": servo, "published": {"epochs": 40}}
     return committed_entry("eflesh", tuned_on=["a"], folds=folds, block_mm=block_mm, **its)
 
 
@@ -159,6 +159,9 @@ def test_lags_and_forces_are_found(learned):
     published = tables["published"].set_index(["quantity", "run"])["rms"]  # every place and depth recurs
     assert published["place_mm"].max() < 0.5
     assert published["force_n"].max() < 1.5  # of 29 N
+    network = tables["published"].set_index("quantity")["network_rms"]
+    assert network["place_mm"].isna().all()
+    assert network["force_n"].max() < 3.0
 
 
 def test_a_scale_that_says_too_little_is_left_aside(capsys):
@@ -229,7 +232,9 @@ def made_up():
         "force": both_ways(force, "c", "d"),
         "lags": pd.DataFrame(lag),
         "traces": pd.DataFrame(traces | {"test_run": "d"}),
-        "published": published.assign(seen="counts", rms=0.1, readings=200),
+        "published": published.assign(
+            seen="counts", rms=0.1, readings=200, spread=5.0, network_rms=[np.nan, 0.2, 0.2]
+        ).assign(network_training_rms=[np.nan, 0.1, 0.1]),
     }
     return SkinRuns(tables, ("a",))
 

@@ -40,6 +40,7 @@ from structlearn.rigid_body.robot import Robot, read_urdf
 from structlearn.rigid_body.tree import KinematicTree, joint_order
 from structlearn.rigid_body.urdf import urdf_path
 from structlearn.tasks.motion import drives_and_load
+from structlearn.tasks.motion.differing_motion import differing_errors, differing_motion
 from structlearn.tasks.motion.drives_and_load import FRICTION, longest_motion
 from structlearn.tasks.motion.parameters import (
     BLOCK_S,
@@ -106,11 +107,13 @@ def learn_motion(
 
     Returns the models by kind and friction, and tables by name; `joint` counts from 1. `motions`: `log`,
     `part`, `start_s` and `end_s` of what is used, `length_s`, `learned_s` and `tested_s`. `repeats`: test
-    motions found in the training motion. `errors`, `blocks`, `norms`, `links`, `traces`, `written`: of
-    `model_comparison`. `gravity`: of `gravity_check`. `base`: `parameter` (its formula), `value`, `low`,
-    `high` (95 %), `urdf`; `fitness` and `determined`: of `rigid_body.log_fitness`. `excitation`: one row,
-    `condition` and `parameters`. `choice`: of `choose_networks`. `bodies` and tables on drives and loads: of
-    `drives_and_load`. Without structures: `gravity`, and the tables of `drives_and_load.payload_check`.
+    motions found in the training motion. `differing`: `differing_errors`, with `learned_s`, `tested_s` and
+    `halved` (whether the model was learned from half of the training motion). `errors`, `blocks`, `norms`,
+    `links`, `traces`, `written`: of `model_comparison`. `gravity`: of `gravity_check`. `base`: `parameter`
+    (its formula), `value`, `low`, `high` (95 %), `urdf`; `fitness` and `determined`: of
+    `rigid_body.log_fitness`. `excitation`: one row, `condition` and `parameters`. `choice`: of
+    `choose_networks`. `bodies` and tables on drives and loads: of `drives_and_load`. Without structures:
+    `gravity`, and the tables of `drives_and_load.payload_check`.
 
     Raises InputError: a log lacks a joint, is too short, has no motion or a constant torque.
     MissingInputError: logs are named, but fewer than two motions are without load.
@@ -151,20 +154,30 @@ def _identified(
     networks: dict[Kind, NetworkTraining] = {}
     if parameters.networks is not None:
         networks, tables["choice"] = choose_networks(robot.tree, parts[TRAIN], parameters.networks)
-    models, torques = model_comparison.identify_arm(
+    identify = partial(
+        model_comparison.identify_arm,
         robot,
-        parts,
-        parameters.structures,
-        tuple(dict.fromkeys((*model_comparison.LEARNED_FRICTIONS, parameters.judged_friction))),
-        networks,
         iterations=parameters.iterations,
         limits=robot.model.effortLimit.copy() if parameters.joint_weights == "limit" else None,
         prior=parameters.prior,
     )
+    frictions = tuple(dict.fromkeys((*model_comparison.LEARNED_FRICTIONS, parameters.judged_friction)))
+    models, torques = identify(parts, parameters.structures, frictions, networks)
     if parameters.load is not None:
         tables |= drives_and_load.weighed_loads(robot.tree, motions, gains, parameters)
         tables["carried"] = drives_and_load.followed_loads(robot, motions, parameters)
-    judged = models["cov", parameters.judged_friction]
+    key = "cov", parameters.judged_friction
+    judged = models[key]
+    used = {name for named in pieces.values() for name, _ in named}
+    others = [motion for name, motion in motions.items() if name not in used and not CARRIES.search(name)]
+    if (differing := differing_motion(pieces, others, parameters.block)) is not None:
+        half = differing.train
+        learned = judged if half is None else identify({TRAIN: half}, key[:1], key[1:], {})[0][key]
+        tables["differing"] = differing_errors(robot.tree, learned, differing).assign(
+            learned_s=len(half or parts[TRAIN]) / parameters.rate_hz,
+            tested_s=len(differing.test) / parameters.rate_hz,
+            halved=half is not None,
+        )
     stride = max(1, round(parameters.rate_hz / parameters.traces_hz))
     first = list(parts)[1]
     tables |= fitness_tables(robot, parts[TRAIN], [log.time for log in moving.values()], parameters) | {
@@ -307,7 +320,8 @@ def _motion_table(
             for part, cuts in pieces.items()
         }
         learned, tested = seconds.pop(TRAIN), sum(seconds.values())
-        row = {"log": name, "part": words.get((learned > 0, tested > 0), "with the load")}
+        unused = "with the load" if CARRIES.search(name) else "neither"
+        row = {"log": name, "part": words.get((learned > 0, tested > 0), unused)}
         row |= {"start_s": cut.start / rate_hz, "end_s": cut.stop / rate_hz}
         rows.append(row | {"length_s": logs[name].time[-1], "learned_s": learned, "tested_s": tested})
     return pd.DataFrame(rows)

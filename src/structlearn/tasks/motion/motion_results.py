@@ -16,6 +16,7 @@ from structlearn.rigid_body import friction
 from structlearn.rigid_body.model_names import DEFAULT, NAMES, STRICT
 from structlearn.rigid_body.motion import drawn_nmse
 from structlearn.tasks.motion import parameters as protocol
+from structlearn.tasks.motion.differing_motion import ALL, LEARNED, REFITTED, REPEATABILITY
 from structlearn.tasks.motion.parameters import SEED, MotionParameters
 
 # The original URDF; the kind that becomes a URDF; the kind that need not be physically consistent
@@ -107,6 +108,10 @@ class MotionResults(dict[str, pd.DataFrame]):
         wide = wide.loc[sorted(wide.index, key=lambda key: (frictions.index(key[2]), models.index(key[1])))]
         self.errors = {part: wide.loc[part] for part in self.parts}
         self.test = self.errors[self.tested]
+        # rms errors in N m on motion that differs, by joint, and by what was fitted to it
+        self.losses = pd.DataFrame()
+        if "differing" in self:
+            self.losses = self["differing"].pivot_table("rmse_n_m", "joint", "fitted", sort=False)
 
     def nmse(self, part: str, model: tuple[str, str]) -> tuple[np.ndarray, int]:
         """NMSE (1 + D, n) of a model by joint, on a part and on drawn blocks, and the number of blocks."""
@@ -204,10 +209,27 @@ def motion_findings(results: MotionResults) -> Findings:
     )
     written = results["written"]["difference_n_m"]
     find.among("joints").exact("written_torques", float(written.max()), len(written), unit="N m")
+    over, removed = differing_losses(results)
+    among = find.among("joints")
+    among.geometric_mean("over_repeatability", over, missing="nothing repeats a motion that differs")
+    among.mean("refitted", removed or None, missing="no test motion differs from the training motion")
     links = matching(results["links"], model=BEST, friction=results.best[1])
     possible = links[["positive_mass", "positive_definite", "triangle"]].all(axis=1)
     find.among("links").exact_count("possible_bodies", int(possible.sum()), len(possible))
     return find
+
+
+def differing_losses(results: MotionResults) -> tuple[pd.Series, dict[str, pd.Series]]:
+    """Losses on motion that differs, by joint.
+
+    Returns the model's rms error over the log's repeatability, and the share of its squared error that a fit
+    of each group of terms to the test motion removes. Empty if there are none.
+    """
+    losses, over = results.losses, pd.Series(dtype=float)
+    if REPEATABILITY in losses:
+        over = losses[LEARNED] / losses[REPEATABILITY]
+    fitted = (*REFITTED, ALL) if len(losses) else ()
+    return over, {name: 1.0 - (losses[name] / losses[LEARNED]) ** 2 for name in fitted}
 
 
 def _evidence(row: Row) -> Found:

@@ -12,6 +12,7 @@ from structlearn.reporting.document import Table
 from structlearn.reporting.findings import Findings
 from structlearn.reporting.prose import rounded
 from structlearn.tasks.motion import parameters as names
+from structlearn.tasks.motion.differing_motion import REFITTED
 from structlearn.tasks.motion.motion_figures import motion_figures
 from structlearn.tasks.motion.motion_results import (
     BEST,
@@ -20,6 +21,7 @@ from structlearn.tasks.motion.motion_results import (
     RIVALS,
     URDF,
     MotionResults,
+    differing_losses,
     model_words,
     motion_findings,
     stated,
@@ -112,6 +114,11 @@ def motion_facts(results: MotionResults) -> dict[str, Any]:
         ],
         "carried": {log: results.carried(log)[1].evidence() for log in results.carried_logs},
     }
+    if "differing" in results:
+        _, removed = differing_losses(results)
+        facts["differing"] = results["differing"].iloc[0]
+        facts["removed"] = {name: shares.mean() for name, shares in removed.items()}
+        facts["most_removed"] = max(REFITTED, key=lambda name: facts["removed"][name])
     if "gains" in results and results.parameters.drives is not None:
         gains, substitutes = results["gains"].set_index("joint"), results.parameters.drives.assumed_gains
         facts["gain_factors"] = gains["quoted"] / gains["found"]
@@ -169,6 +176,8 @@ def motion_tables(results: MotionResults) -> dict[str, Table]:
             if key in errors.index
         ]
         tables["motion_further"] = shown(pd.DataFrame(rows))
+    if "differing" in results:
+        tables["motion_differing"] = _differing(results)
     if "choice" in results:
         tables["motion_choice"] = shown(results["choice"])
     if "gains" in results:
@@ -176,6 +185,14 @@ def motion_tables(results: MotionResults) -> dict[str, Table]:
     if results.carried_logs:
         tables |= {"motion_loads": _loads(results), "motion_followed": _followed(results)}
     return tables
+
+
+def _differing(results: MotionResults) -> Table:
+    """Errors on motion that differs, by joint and by what was fitted to it."""
+    wide = results.losses.reset_index(drop=True)
+    wide.insert(0, "joint", results.joints)
+    wide.insert(1, "NMSE", results["differing"]["nmse"].iloc[: len(wide)])  # as learned
+    return Table(wide, {"NMSE": ".2g"} | dict.fromkeys(results.losses, ".3f"))
 
 
 def _gravity(gravity: pd.DataFrame) -> Table:

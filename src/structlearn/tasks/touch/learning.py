@@ -24,8 +24,9 @@ from structlearn.tactile.servo_controller import (
 from structlearn.tasks.task_files import TaskFiles, write_tables
 from structlearn.tasks.touch.parameters import TouchParameters
 from structlearn.tasks.touch.skin_force import force_errors
-from structlearn.tasks.touch.skin_readings import place_errors, within_runs
+from structlearn.tasks.touch.skin_readings import place_errors
 from structlearn.tasks.touch.skin_touches import NEVER_VARIES, Touches, folds_of, gathered, learn_skin
+from structlearn.tasks.touch.skin_within_runs import within_runs
 from structlearn.tasks.touch.surface_traces import learn_surfaces
 from structlearn.tasks.touch.touch_names import ADAPTIVE, PLAIN, PUBLISHED_SERVO, STRUCTURED
 
@@ -90,7 +91,7 @@ def learn_touch(
         if parameters.servo is not None:
             collect(("servo", "paths"), servo_trials, across, "servoing")
         if parameters.published is not None:
-            parts["published"] = [within_runs(logs, parameters.published.first_share)]
+            parts["published"] = [within_runs(logs, parameters.published)]
         if parameters.force is not None:
             one_skin = [log for log in weighed if log.channels == logs[0].channels]
             forces = force_errors(one_skin, parameters.force, parameters.rival_samples)

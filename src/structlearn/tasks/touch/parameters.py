@@ -20,12 +20,13 @@ class ForceParameters(Parameters):
 
 
 class PublishedErrors(Parameters):
-    """Errors published for the end of each run, after training on its start."""
+    """Errors published for the end of each run, after training on its start, and epochs of their network."""
 
     first_share: float = Field(gt=0, lt=1)
     place_mm: float = Field(gt=0)
     force_n: float = Field(gt=0)
     shear_n: float = Field(gt=0)
+    epochs: int = Field(ge=1)
 
 
 class PressServoParameters(Parameters):

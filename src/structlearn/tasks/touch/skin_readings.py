@@ -10,7 +10,6 @@ import numpy as np
 import pandas as pd
 
 from structlearn.networks.torch_settings import as_tensor
-from structlearn.readers.touch_log import TouchLog
 from structlearn.tactile.electrodes import align_map
 from structlearn.tactile.latent_models import TrainedTouch
 from structlearn.tactile.latent_training import Pairs
@@ -70,69 +69,6 @@ def place_errors(
     lies = pd.DataFrame(other.place[tested], columns=["x_m", "y_m", "z_m"], dtype=float)
     lies[["map_x_m", "map_y_m"]] = estimates[0].aligned
     return table.assign(**names, new=new), lies.assign(pressure=estimates[0].pressure, **names)
-
-
-def within_runs(logs: Sequence[TouchLog], share: float) -> pd.DataFrame:
-    """Errors of a Gaussian process on the end of each run, learned from its first share (the authors' test).
-
-    Every place and depth recurs in a run, so none is new. A run whose channels differ from the first run's
-    is of two skins, and its force is a shear force. The input (`SEEN`) is chosen per run, on the end of the
-    training part. Returns `run`, `quantity` (`place_mm`, `force_n`, `shear_n`), `seen`, `rms`, and the
-    number of `readings` tested on.
-    """
-    rows = []
-    for log in logs:
-        kept, quantity, wanted = np.full(len(log.counts), True), "place_mm", log.place
-        if log.force is not None:
-            kept, wanted = np.isfinite(log.force), log.force[:, None]
-            quantity = "force_n" if log.channels == logs[0].channels else "shear_n"
-        elif wanted is not None:
-            wanted = 1e3 * wanted[:, :PLANE]
-        if wanted is None:
-            continue
-        wanted, end = wanted[kept], round(share * kept.sum())
-        candidates = SEEN if log.force is None else SEEN | SEEN_OVER_TIME
-        seen = {name: inputs(log)[kept] for name, inputs in candidates.items()}
-        tried = {
-            name: np.mean(_end_errors(part[:end], wanted[:end], 1.0 - (1.0 - share) / share) ** 2)
-            for name, part in seen.items()
-        }
-        best = min(tried, key=lambda name: tried[name])
-        missed = _end_errors(seen[best], wanted, share)
-        rows.append((log.name, quantity, best, np.sqrt(np.mean(missed**2)), len(missed)))
-    return pd.DataFrame(rows, columns=["run", "quantity", "seen", "rms", "readings"])
-
-
-def _end_errors(seen: np.ndarray, wanted: np.ndarray, share: float) -> np.ndarray:
-    """Estimation errors (norms) on the end of a run, after training on its first share."""
-    end = round(share * len(seen))
-    signals = (seen - seen[:end].mean(axis=0)) / np.maximum(seen[:end].std(axis=0), NEVER_VARIES)
-    read = gaussian_process(signals[:end], wanted[:end], end)
-    return np.linalg.norm(read(signals[end:]) - wanted[end:], axis=1)
-
-
-def _directions(log: TouchLog) -> np.ndarray:
-    """Counts divided by their norm, and the logarithm of the norm."""
-    norm = np.maximum(np.linalg.norm(log.counts, axis=1, keepdims=True), 1.0)
-    return np.hstack([log.counts / norm, np.log(norm)])
-
-
-def _earlier(log: TouchLog, seconds: float) -> np.ndarray:
-    """Counts `seconds` before each reading, held constant before the first."""
-    assert log.time is not None
-    return np.stack([np.interp(log.time - seconds, log.time, values) for values in log.counts.T], axis=1)
-
-
-# inputs of the Gaussian process
-SEEN: dict[str, Callable[[TouchLog], np.ndarray]] = {
-    "counts": lambda log: log.counts,
-    "counts over their norm": _directions,
-}
-# for force only: skins creep and lag; for places, earlier readings would reveal the probe's path
-SEEN_OVER_TIME: dict[str, Callable[[TouchLog], np.ndarray]] = {
-    "counts and their change": lambda log: np.hstack([log.counts, log.counts - _earlier(log, 0.3)]),
-    "earlier counts": lambda log: _earlier(log, 0.1),
-}
 
 
 def readings(learned: TrainedTouch, known: tuple[Touches, np.ndarray], tested: PressedSkin) -> list[Reading]:

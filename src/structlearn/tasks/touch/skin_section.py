@@ -56,7 +56,7 @@ HEADINGS = ERRORS | {
     "force_s": "scale lags (s)",
     "readings": "readings of the scale",
 }
-# values of `quantity` in `skin_readings.within_runs`
+# values of `quantity` in `skin_within_runs.within_runs`
 QUANTITIES = {"place_mm": "place (mm)", "force_n": "normal force (N)", "shear_n": "shear force (N)"}
 HEADLINES = ("map_nmse", "latent_mm", "laid_mm", "laid_cross_run_mm", "force_n", "servo_success")
 KEYS = ["learned_from", "test_run"]
@@ -190,6 +190,10 @@ def find_skin(runs: SkinRuns) -> Findings:
                 runs.numbers.get(row.run, row.run): (row.rms, row.readings) for row in figures.itertuples()
             }
             find.among("readings at the end of a run").exact(f"within_run_{quantity}", cases)
+        forces = runs["published"].dropna(subset="network_rms")
+        ratios = zip(forces["rms"] / forces["network_rms"], forces["readings"], strict=True)
+        missing = "no run is on a scale"
+        find.exact("over_network", dict(zip(forces["run"], ratios, strict=True)) or None, missing=missing)
     return find
 
 
@@ -221,6 +225,10 @@ def skin_tables(runs: SkinRuns, published: PublishedErrors | None) -> dict[str, 
             row = {"what is read": QUANTITIES[quantity], "published": getattr(published, quantity)}
             each = (f"{rms:.2f} ({seen})" for rms, seen in zip(figures["rms"], figures["seen"], strict=True))
             row["by their protocol"] = ", ".join(each)
+            networks = figures["network_rms"].dropna()
+            row["their network, by their protocol"] = (
+                ", ".join(f"{rms:.2f}" for rms in networks) or "not trained"
+            )
             other = across.get(quantity, ())
             rows.append(
                 row | {"ours, on another run": f"{other.mean():.2f}" if len(other) else "one run only"}
@@ -238,6 +246,7 @@ def skin_facts(runs: SkinRuns, find: Findings, parameters: TouchParameters) -> d
         "touches": 0,
         "blocks": 0,
         "depth_runs": "no run",
+        "shear": [],
         "tuned": listing((runs.numbers.get(name, name) for name in runs.tuned_on), ""),
         "judged": "map_nmse" in find.numbers(),
         "degree": DEGREE,
@@ -250,6 +259,9 @@ def skin_facts(runs: SkinRuns, find: Findings, parameters: TouchParameters) -> d
         facts["touches"] = int(blocks.groupby("learned_from")["presses"].sum().iloc[0])
         facts["blocks"] = int(blocks["block"].nunique())
         facts["depth_runs"] = listing(sorted({runs.numbers[name] for name, *_ in depth.index}), "no run")
+    if "published" in runs.tables:
+        shear = runs["published"].query("quantity == 'shear_n'").to_dict("records")
+        facts["shear"] = [row | {"printed": row["network_rms"] / row["spread"]} for row in shear]
     if len(force := runs.force(NEW_RUN)):
         lags, (_, run, press) = runs.tables["lags"], force.idxmax()
         facts["lag_signals"] = listing(f"{lag:.2f}" for lag in lags["signals_s"])
