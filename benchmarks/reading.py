@@ -75,7 +75,7 @@ def _folder() -> Path:
 
 def _camera(stamps: np.ndarray) -> RawMessages:
     """Pictures of 640 x 480 pixels at 5 Hz during a recording, of noise, which does not compress."""
-    rng, name = np.random.default_rng(1), "std_msgs/msg/UInt16MultiArray"
+    rng, name = np.random.default_rng(1), "std_msgs/msg/Float32MultiArray"
     schema = Schema(id=0, name=name, encoding=SchemaEncoding.ROS2, data=definition(name).encode())
     times = stamps[:: round(RATE_HZ / CAMERA_HZ)]
     return RawMessages(times, [schema] * len(times), [rng.bytes(PICTURE_BYTES) for _ in times])
