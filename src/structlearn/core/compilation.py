@@ -169,7 +169,7 @@ def sources_digest(package: Path) -> str:
 use_own_cache(PACKAGE)
 locks = Locks()
 register("numba:compiler_lock", locks)
-caching.IndexDataCacheFile = SharedFiles
+caching.IndexDataCacheFile = SharedFiles  # type: ignore[misc]  # numba looks it up for each function
 
 # after the cache's settings, which decorated functions read when they are defined
 
