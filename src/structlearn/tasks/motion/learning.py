@@ -172,7 +172,7 @@ def _identified(
     others = [motion for name, motion in motions.items() if name not in used and not CARRIES.search(name)]
     if (differing := differing_motion(pieces, others, parameters.block)) is not None:
         half = differing.train
-        learned = judged if half is None else identify({TRAIN: half}, key[:1], key[1:], {})[0][key]
+        learned = judged if half is None else identify({TRAIN: half}, ("cov",), key[1:], {})[0][key]
         tables["differing"] = differing_errors(robot.tree, learned, differing).assign(
             learned_s=len(half or parts[TRAIN]) / parameters.rate_hz,
             tested_s=len(differing.test) / parameters.rate_hz,
