@@ -32,7 +32,7 @@ from structlearn.core.compilation import call
 from structlearn.feedback.models.pmnn import PhaseModulatedNetwork
 from structlearn.primitives import canonical, kernels, trajectory, transformation
 from structlearn.primitives.kernels import KERNEL_COUNT
-from structlearn.primitives.orientation import fit_quaternion
+from structlearn.primitives.orientation import QuaternionPrimitive, fit_quaternion
 from structlearn.primitives.trajectory import Trajectory
 from structlearn.primitives.twist_swing import fit_twist_swing
 from structlearn.primitives.vector import VectorPrimitive, fit_vector
@@ -41,39 +41,40 @@ DEMONSTRATIONS, BATCH = 11, 38
 CUTOFF_HZ = 25.0
 
 
-def fit(count: int, aim_ms: float | None) -> Case:
-    """Weights of one primitive from all of so many demonstrations."""
+def fit_from_positions(count: int) -> Case:
+    """Weights of one primitive from the positions of so many demonstrations, with all that comes before."""
     paths = demonstrations(count)
-    mean = np.mean([path.position for path in paths], axis=0)
-    alone = {"pydmps": partial(peer_pydmps.fit, mean)} if count == 1 else {}
-    return Case(
-        work=f"fit {count} x {SAMPLES} x {AXES}, {KERNEL_COUNT} kernels",
-        ours=Contender(lambda: fit_vector(paths), lambda p: path_error(p.unroll(DT).position, mean)),
-        peers={
-            "movement_primitives": partial(peer_movement_primitives.fit, paths, mean),
-            "mp_pytorch ProDMP": partial(peer_mp_pytorch.fit, paths, mean),
-            **alone,
-        },
-        aim_ms=aim_ms,
-        note="forcing targets and regression from trajectories that have their derivatives, features of this "
-        "length known; movement_primitives and pydmps differentiate the positions too, ProDMP needs no "
-        f"derivatives; pydmps has {peer_pydmps.KERNELS} kernels, since it fits each alone",
-    )
-
-
-def fit_from_positions() -> Case:
-    """The same with all that a recording needs before."""
-    paths = demonstrations(DEMONSTRATIONS)
     mean = np.mean([path.position for path in paths], axis=0)
 
     def run() -> VectorPrimitive:
         kernels.shared_features.clear()
         return fit_vector([trajectory.differentiated(path.position, DT, CUTOFF_HZ) for path in paths])
 
+    alone = {"pydmps": partial(peer_pydmps.fit, mean)} if count == 1 else {}
     return Case(
-        work="  with low-pass, derivatives and features",
+        work=f"fit {count} x {SAMPLES} x {AXES}, {KERNEL_COUNT} kernels, from positions",
         ours=Contender(run, lambda p: path_error(p.unroll(DT).position, mean)),
+        peers={
+            "movement_primitives": partial(peer_movement_primitives.fit, paths, mean),
+            "mp_pytorch ProDMP": partial(peer_mp_pytorch.fit, paths, mean),
+            **alone,
+        },
         tolerance=0.05,
+        note="all begin with positions; ours with its low-pass, derivatives and features of this length; "
+        "movement_primitives and pydmps differentiate without a low-pass, ProDMP needs no derivatives; "
+        f"pydmps has {peer_pydmps.KERNELS} kernels, since it fits each alone",
+    )
+
+
+def fit(count: int, aim_ms: float | None) -> Case:
+    """The same from trajectories that have their derivatives, which no peer takes."""
+    paths = demonstrations(count)
+    mean = np.mean([path.position for path in paths], axis=0)
+    return Case(
+        work=f"  {count}, derivatives and features known",
+        ours=Contender(lambda: fit_vector(paths), lambda p: path_error(p.unroll(DT).position, mean)),
+        aim_ms=aim_ms,
+        note="as in cross-validation, where the same demonstrations are fitted again and again",
     )
 
 
@@ -217,17 +218,31 @@ def coupled_idle() -> Case:
     )
 
 
+def quaternion_fit_from_orientations() -> Case:
+    """Weights of a quaternion primitive from the orientations of one demonstration."""
+    path = orientation_demonstration(1.0)
+
+    def run() -> QuaternionPrimitive:
+        kernels.sampled_features.cache_clear()
+        return fit_quaternion([trajectory.differentiated_orientation(path.orientation, DT, CUTOFF_HZ)])
+
+    return Case(
+        work=f"quaternion fit {SAMPLES}, from orientations",
+        ours=Contender(run, lambda p: turn_error(p.unroll(DT).orientation, path.orientation)),
+        peers={"movement_primitives": partial(peer_movement_primitives.quaternion_fit, path)},
+        note="`off by` is an angle in rad; ours with its low-pass, derivatives and features of this length",
+    )
+
+
 def quaternion_fit() -> Case:
-    """Weights of a quaternion primitive from one demonstration."""
+    """The same from a trajectory that has its derivatives."""
     path = orientation_demonstration(1.0)
     return Case(
-        work=f"quaternion fit {SAMPLES}",
+        work="  derivatives and features known",
         ours=Contender(
             lambda: fit_quaternion([path]), lambda p: turn_error(p.unroll(DT).orientation, path.orientation)
         ),
-        peers={"movement_primitives": partial(peer_movement_primitives.quaternion_fit, path)},
         aim_ms=4.0,
-        note="`off by` is an angle in rad; the peer differentiates the orientations too",
     )
 
 
@@ -267,9 +282,10 @@ def _fitted_batch(paths: Sequence[Trajectory]) -> VectorPrimitive:
 
 
 CASES: tuple[Callable[[], Case], ...] = (
+    lambda: fit_from_positions(1),
     lambda: fit(1, None),
+    lambda: fit_from_positions(DEMONSTRATIONS),
     lambda: fit(DEMONSTRATIONS, 1.5),
-    fit_from_positions,
     fit_lengths,
     lambda: unroll(1, 0.3),
     unroll_new_duration,
@@ -278,6 +294,7 @@ CASES: tuple[Callable[[], Case], ...] = (
     coupled_compiled,
     coupled_idle,
     lambda: coupled(BATCH, None),
+    quaternion_fit_from_orientations,
     quaternion_fit,
     quaternion_unroll,
     twist_swing_unroll,

@@ -14,7 +14,9 @@ from pathlib import Path
 # One thread: these are read when numpy, numba and torch are imported, so they come first.
 os.environ.update(OMP_NUM_THREADS="1", OPENBLAS_NUM_THREADS="1", MKL_NUM_THREADS="1", NUMBA_NUM_THREADS="1")
 
+import controller
 import dynamics
+import feedback_training
 import policy_search
 import primitives
 import reading
@@ -24,7 +26,18 @@ import state_dynamics
 import warping
 from timing import SECONDS_PER_CASE, machine, measure, table, write_csv
 
-MODULES = (primitives, policy_search, warping, regression, skin_distances, state_dynamics, dynamics, reading)
+MODULES = (
+    controller,
+    primitives,
+    feedback_training,
+    policy_search,
+    warping,
+    regression,
+    skin_distances,
+    state_dynamics,
+    dynamics,
+    reading,
+)
 
 PACKAGES = (
     "structlearn",
@@ -38,6 +51,7 @@ PACKAGES = (
     "dtaidistance",
     "tslearn",
     "cma",
+    "cmaes",
     "scikit-learn",
     "pin",
     "mujoco",

@@ -34,7 +34,8 @@ def fingertip() -> Case:
         ours=Contender(lambda: graph_distances(points, NEIGHBOURS, BRIDGE_M), error),
         peers={"scipy shortest_path": lambda: Contender(lambda: _by_scipy(points), error)},
         tolerance=SAME,
-        note=f"with the edges to {NEIGHBOURS} neighbours; scipy by Dijkstra, its choice for such a graph",
+        note=f"with the edges to {NEIGHBOURS} neighbours; scipy by Dijkstra, its choice for such a graph, "
+        "whose edges are given both ways",
     )
 
 
@@ -52,7 +53,7 @@ def _by_scipy(points: np.ndarray) -> np.ndarray:
     length, near = cKDTree(points).query(points, k=NEIGHBOURS + 1)
     source = np.repeat(np.arange(len(points)), NEIGHBOURS)
     graph = csr_matrix((length[:, 1:].ravel(), (source, near[:, 1:].ravel())), shape=2 * (len(points),))
-    return shortest_path(graph, method="D", directed=False)
+    return shortest_path(graph.maximum(graph.T), method="D")  # symmetric: faster than directed=False
 
 
 CASES = (fingertip,)

@@ -1,4 +1,4 @@
-"""Inverse and forward dynamics of states of the iiwa: a call from Python for each, or one compiled for all.
+"""Dynamics and regressors of states of the iiwa: a call from Python for each, or one compiled for all.
 
 Pinocchio's forward dynamics is its articulated-body algorithm; ours and MuJoCo's factorise the mass matrix.
 All are compared at the same states, ours and the peers in double precision.
@@ -16,6 +16,8 @@ from dissertation.simulation import compiled_chain
 from dissertation.simulation.compiled_chain import ChainState
 from structlearn.core.compilation import numba
 from structlearn.rigid_body import compiled_dynamics
+from structlearn.rigid_body.compiled_dynamics import InverseDynamics
+from structlearn.rigid_body.regressor import torque_regressor
 from structlearn.rigid_body.robot import Robot
 from structlearn.rigid_body.tree import RobotArrays, robot_arrays
 
@@ -32,14 +34,46 @@ def inverse_one_by_one() -> Case:
     contender = _contenders(motion, expected)
     return Case(
         work=f"inverse dynamics, {SAMPLES} states one by one",
-        ours=contender(compiled_dynamics.inverse_dynamics(robot.tree, robot.inertias)),
+        ours=contender(robot.inverse_dynamics),
         peers={
             "Pinocchio rnea": lambda: contender(_pinocchio(robot, "rnea")),
             "MuJoCo mj_inverse": lambda: contender(_mujoco("qacc", "mj_inverse", "qfrc_inverse")),
         },
         tolerance=MUJOCO,
-        note="a call from Python for each state: numba unpacks the model's arrays each time, which compiled "
-        "callers (simulators, the controller) do not pay for",
+        note="ours calls Pinocchio",
+    )
+
+
+def inverse_of_a_model() -> Case:
+    """The same by arrays, the form that learned models have."""
+    robot, motion = iiwa()
+    expected = _in_a_loop(_pinocchio(robot, "rnea"), motion)()
+    contender = _contenders(motion, expected)
+    return Case(
+        work="  by a compiled model",
+        ours=contender(
+            compiled_dynamics.from_python(compiled_dynamics.inverse_dynamics(robot.tree, robot.inertias))
+        ),
+        peers={"Pinocchio rnea": lambda: contender(_pinocchio(robot, "rnea"))},
+        tolerance=SAME,
+        note="with friction; of learned models, and where Pinocchio is not installed",
+    )
+
+
+def inverse_batch() -> Case:
+    """The same states in one call."""
+    robot, motion = iiwa()
+    expected = _in_a_loop(_pinocchio(robot, "rnea"), motion)()
+    model = compiled_dynamics.inverse_dynamics(robot.tree, robot.inertias)
+    return Case(
+        work="  in one compiled call",
+        ours=Contender(lambda: _torques(model, *motion), lambda found: relative_error(found, expected)),
+        peers={
+            "Pinocchio rneaInParallel": lambda: _pinocchio_batch("rneaInParallel", robot, motion, expected)
+        },
+        tolerance=SAME,
+        note="ours by the function that compiled loops call at each of their steps, with friction; Pinocchio "
+        "by a pool of one model, on one thread",
     )
 
 
@@ -47,24 +81,15 @@ def forward_one_by_one() -> Case:
     """Accelerations likewise, as a simulator in Python asks for them."""
     robot, motion, expected = _pushed()
     contender = _contenders(motion, expected)
-    arrays, work = _simulated(robot)
-
-    def ours(q: np.ndarray, qd: np.ndarray, torques: np.ndarray) -> np.ndarray:
-        found = torques.copy()
-        compiled_chain.dynamics(arrays, q, qd, work)
-        compiled_chain.accelerations(work, found)
-        return found
-
     return Case(
         work=f"forward dynamics, {SAMPLES} states one by one",
-        ours=contender(ours),
+        ours=contender(robot.forward_dynamics),
         peers={
             "Pinocchio aba": lambda: contender(_pinocchio(robot, "aba")),
             "MuJoCo mj_forward": lambda: contender(_mujoco("qfrc_applied", "mj_forward", "qacc")),
         },
         tolerance=MUJOCO,
-        note="two calls from Python for each state, with the arrays of model and workspace, which numba "
-        "unpacks each time; to Python, Pinocchio's and MuJoCo's models are one object",
+        note="ours calls Pinocchio",
     )
 
 
@@ -77,11 +102,56 @@ def forward_batch() -> Case:
         ours=Contender(
             lambda: _accelerations(arrays, *motion, work), lambda found: relative_error(found, expected)
         ),
-        peers={"Pinocchio abaInParallel": lambda: _pinocchio_batch(robot, motion, expected)},
+        peers={"Pinocchio abaInParallel": lambda: _pinocchio_batch("abaInParallel", robot, motion, expected)},
         tolerance=SAME,
         note="ours by the compiled functions that the simulated arm calls at each of its steps; Pinocchio by "
         "a pool of one model, on one thread",
     )
+
+
+def regressor(samples: int) -> Case:
+    """Regressor of so many states in one call."""
+    robot, motion = iiwa(samples)
+    expected = _pinocchio_regressors(robot, motion)()
+    many = samples > 1
+    return Case(
+        work=f"regressor, {samples} states" if many else "  a single state",
+        ours=Contender(
+            lambda: torque_regressor(robot.tree, *motion), lambda found: relative_error(found, expected)
+        ),
+        peers={
+            "Pinocchio, in a Python loop" if many else "Pinocchio": lambda: Contender(
+                _pinocchio_regressors(robot, motion), lambda found: relative_error(found, expected)
+            )
+        },
+        tolerance=SAME,
+        note="Pinocchio has no batch of regressors" if many else "",
+    )
+
+
+def _pinocchio_regressors(robot: Robot, motion: tuple[np.ndarray, ...]) -> Callable[[], np.ndarray]:
+    """(N, n, 10 n), with the inertia's entries in our order; Pinocchio's are xx, xy, yy, xz, yz, zz."""
+    import pinocchio
+
+    model, data = robot.model, robot.model.createData()
+    found = np.empty((*motion[0].shape, 10 * motion[0].shape[1]))
+    order = np.arange(found.shape[2]).reshape(-1, 10)[:, [0, 1, 2, 3, 4, 5, 7, 6, 8, 9]].ravel()
+
+    def run() -> np.ndarray:
+        for sample, state in enumerate(zip(*motion, strict=True)):
+            found[sample] = pinocchio.computeJointTorqueRegressor(model, data, *state)
+        return found[..., order]
+
+    return run
+
+
+@numba.njit
+def _torques(model: InverseDynamics, q: np.ndarray, qd: np.ndarray, qdd: np.ndarray) -> np.ndarray:
+    """Torques (N, n) at positions, velocities and accelerations (N, n)."""
+    found = np.empty_like(q)
+    for sample in range(len(q)):
+        found[sample] = compiled_dynamics.model_torques(model, q[sample], qd[sample], qdd[sample])
+    return found
 
 
 @numba.njit
@@ -131,14 +201,15 @@ def _pinocchio(robot: Robot, name: str) -> StateFunction:
     return lambda *state: function(robot.model, data, *state)
 
 
-def _pinocchio_batch(robot: Robot, motion: tuple[np.ndarray, ...], expected: np.ndarray) -> Contender:
+def _pinocchio_batch(
+    name: str, robot: Robot, motion: tuple[np.ndarray, ...], expected: np.ndarray
+) -> Contender:
     """Needs a build with OpenMP, as the wheels are."""
-    from pinocchio import ModelPool, abaInParallel  # a column per state
+    import pinocchio
 
-    pool, columns = ModelPool(robot.model, 1), [np.asfortranarray(values.T) for values in motion]
-    return Contender(
-        lambda: abaInParallel(1, pool, *columns), lambda found: relative_error(found.T, expected)
-    )
+    pool, function = pinocchio.ModelPool(robot.model, 1), getattr(pinocchio, name)
+    columns = [np.asfortranarray(values.T) for values in motion]  # a column per state
+    return Contender(lambda: function(1, pool, *columns), lambda found: relative_error(found.T, expected))
 
 
 def _mujoco(given: str, function: str, wanted: str) -> StateFunction:
@@ -157,13 +228,22 @@ def _mujoco(given: str, function: str, wanted: str) -> StateFunction:
     model.opt.disableflags |= mujoco.mjtDisableBit.mjDSBL_CONSTRAINT
     data, compute = mujoco.MjData(model), getattr(mujoco, function)
 
-    def run(q: np.ndarray, qd: np.ndarray, third: np.ndarray) -> np.ndarray:
-        data.qpos, data.qvel = q, qd
-        setattr(data, given, third)
+    position, velocity, third, result = data.qpos, data.qvel, getattr(data, given), getattr(data, wanted)
+
+    def run(q: np.ndarray, qd: np.ndarray, values: np.ndarray) -> np.ndarray:
+        position[:], velocity[:], third[:] = q, qd, values  # views of its memory
         compute(model, data)
-        return getattr(data, wanted)
+        return result
 
     return run
 
 
-CASES = (inverse_one_by_one, forward_one_by_one, forward_batch)
+CASES = (
+    inverse_one_by_one,
+    inverse_of_a_model,
+    inverse_batch,
+    forward_one_by_one,
+    forward_batch,
+    lambda: regressor(SAMPLES),
+    lambda: regressor(1),
+)

@@ -15,11 +15,11 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import asdict, dataclass, field
 from pathlib import Path
 from statistics import median
-from time import perf_counter
+from time import perf_counter, sleep
 from typing import Any
 
 SECONDS_PER_CASE = 3.0
-FEWEST_ROUNDS, MOST_ROUNDS = 7, 201
+FEWEST_ROUNDS, MOST_ROUNDS, MOST_PACED = 7, 201, 10_000
 
 
 def at_least_one(word: str) -> int:
@@ -53,6 +53,8 @@ class Case:
         aim_ms: the median to stay below; None: no aim was set.
         tolerance: largest `error` that still counts as the same result (first-order integrators need some).
         note: what the row includes or leaves out.
+        period_s: a run begins once in so many seconds, and the processor sleeps in between, as in a control
+            loop; 0: runs follow one another.
     """
 
     work: str
@@ -61,6 +63,7 @@ class Case:
     aim_ms: float | None = None
     tolerance: float = 0.03
     note: str = ""
+    period_s: float = 0.0
 
 
 @dataclass(frozen=True)
@@ -109,7 +112,8 @@ def measure(case: Case, seconds: float = SECONDS_PER_CASE) -> list[Row]:
         except ImportError:
             continue
     errors = {name: _checked(case, name, contender) for name, contender in contenders.items()}
-    samples, repeated = _interleaved({name: contender.run for name, contender in contenders.items()}, seconds)
+    runs = {name: contender.run for name, contender in contenders.items()}
+    samples, repeated = _interleaved(runs, seconds, case.period_s)
     medians = {name: 1e3 * median(times) for name, times in samples.items()}
     again = {name: 1e3 * median(times) for name, times in repeated.items()}
     ours = medians["structlearn"]
@@ -146,22 +150,32 @@ def _checked(case: Case, name: str, contender: Contender) -> float:
 Samples = dict[str, list[float]]
 
 
-def _interleaved(runs: Mapping[str, Callable[[], Any]], seconds: float) -> tuple[Samples, Samples]:
+def _interleaved(
+    runs: Mapping[str, Callable[[], Any]], seconds: float, period_s: float
+) -> tuple[Samples, Samples]:
     """Durations in s of the runs, in turns until the time is up, and of the immediate repetition of each."""
     for run in runs.values():
         run()
     first: Samples = {name: [] for name in runs}
     again: Samples = {name: [] for name in runs}
+    most = MOST_PACED if period_s else MOST_ROUNDS
     begin = perf_counter()
-    for done in range(MOST_ROUNDS):
+    for done in range(most):
         if done >= FEWEST_ROUNDS and perf_counter() - begin > seconds:
             break
         for name, run in runs.items():
+            sleep_to_next(period_s)
             for samples in (first, again):
                 start = perf_counter()
                 run()
                 samples[name].append(perf_counter() - start)
     return first, again
+
+
+def sleep_to_next(period_s: float) -> None:
+    """Sleep until the clock's next multiple of a period."""
+    if period_s:
+        sleep(period_s - perf_counter() % period_s)
 
 
 def table(rows: Sequence[Row]) -> str:

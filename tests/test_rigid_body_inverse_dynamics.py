@@ -1,5 +1,8 @@
 """Three ways to the same torques: the recursion that gradients flow through, the regressor, compiled."""
 
+import copy
+import pickle
+
 import numpy as np
 import pinocchio
 import pytest
@@ -144,6 +147,29 @@ def test_friction_never_drives():
     coefficients = friction.friction_coefficients(free, TERMS[:2]).numpy()
     torque = np.einsum("bnk,mnk->mbn", friction.friction_columns(0.0 * qd, qd, TERMS[:2]), coefficients)
     assert (torque * qd >= 0.0).all()
+
+
+@pytest.mark.parametrize("name", ["iiwa", "odd"])
+def test_single_states_from_python(name):
+    """Pinocchio's, whose results are kept by the caller; copies, also pickled ones, work on their own."""
+    arm = robot(name)
+    q, qd, qdd = states(arm, 5)
+    expected = pinocchio_torques(arm, q, qd, qdd)
+    torques = [arm.inverse_dynamics(*state) for state in zip(q, qd, qdd, strict=True)]
+    np.testing.assert_allclose(torques, expected, rtol=0, atol=1e-12)
+    accelerations = [arm.forward_dynamics(*state) for state in zip(q, qd, expected, strict=True)]
+    np.testing.assert_allclose(accelerations, qdd, rtol=1e-9, atol=1e-7)
+    for twin in (pickle.loads(pickle.dumps(arm)), copy.deepcopy(arm)):
+        np.testing.assert_array_equal(twin.inverse_dynamics(q[0], qd[0], qdd[0]), torques[0])
+
+
+def test_a_model_called_from_python_gives_the_same_bits():
+    arm, friction_terms = robot("iiwa"), np.random.default_rng(2).normal(size=(4, 7))
+    motion = states(arm, 20)
+    model = compiled_dynamics.inverse_dynamics(arm.tree, arm.inertias, friction_terms)
+    expected, torques = one_by_one(model, motion), compiled_dynamics.from_python(model)
+    del model  # the function keeps the arrays
+    np.testing.assert_array_equal(one_by_one(torques, motion), expected)
 
 
 DT = 1.0 / 900.0

@@ -10,6 +10,7 @@ from typing import NamedTuple
 import numpy as np
 
 from structlearn.core.compilation import call, numba
+from structlearn.core.packed_arrays import packed, unpacking
 from structlearn.primitives import orientation, transformation
 from structlearn.primitives.vector import OFFSET_SAMPLES
 
@@ -22,8 +23,6 @@ sensor sample, and number of valid samples in the offset."""
 
 _part_of_a_tick = numba.njit(cache=True, forceinline=True)
 """Inlines a function: passing a plan and a state costs more than many of these functions."""
-
-Arrays = tuple[np.ndarray, ...]  # a `Plan` or a `State` as a plain tuple, which numba dispatches faster
 
 
 class Plan(NamedTuple):
@@ -91,8 +90,8 @@ def resting_state(plan: Plan) -> State:
     )
 
 
-def no_plan() -> tuple[Arrays, Arrays]:
-    """Plan and state without primitives as plain tuples, for compiled loops that may run without a skill."""
+def _no_primitives() -> tuple[Plan, State]:
+    """Plan and state of a run without primitives."""
     shapes: dict[str, tuple[int, ...]] = dict.fromkeys(Plan._fields, (0, 0))
     shapes |= {"rows": (1,), "tau": (0,), "axes": (0,), "timeouts": (2,)}
     shapes |= {"matrix": (0, 3, 5), "position_goal": (0, 3), "orientation_goal": (0, 4), "limits": (2, 0)}
@@ -102,13 +101,30 @@ def no_plan() -> tuple[Arrays, Arrays]:
     plan = Plan(
         **{name: np.zeros(shapes[name], np.int64 if name in integers else float) for name in Plan._fields}
     )
-    return tuple(plan), tuple(resting_state(plan))
+    return plan, resting_state(plan)
+
+
+_NOTHING = _no_primitives()
+plan_and_state = unpacking(_NOTHING)
+"""`Plan` and `State` of a table, in compiled functions."""
+
+
+def table(plan: Plan, state: State) -> np.ndarray:
+    """A plan and its state as one argument of `begin` and `tick`; see `core.packed_arrays`.
+
+    Raises TypeError: an array has another type or number of dimensions than `Plan` and `State` say.
+    """
+    return packed((plan, state), _NOTHING)
+
+
+NO_PLAN = table(*_NOTHING)
+"""Table without primitives, for compiled loops that may run without a skill."""
 
 
 @numba.njit(cache=True)
-def begin(plan_arrays: Arrays, state_arrays: Arrays, primitive: int) -> None:
-    """Start a primitive in the current output state (eq. IV.12-14)."""
-    plan, state = Plan(*plan_arrays), State(*state_arrays)
+def begin(run: np.ndarray, primitive: int) -> None:
+    """Start a primitive of a run (`table`) in the current output state (eq. IV.12-14)."""
+    plan, state = plan_and_state(run)
     row, tau = plan.rows[primitive], plan.tau[primitive]
     state.clock[ROW], state.clock[PRIMITIVE] = row, primitive
     state.memory[:] = 0.0
@@ -131,18 +147,18 @@ def begin(plan_arrays: Arrays, state_arrays: Arrays, primitive: int) -> None:
 
 
 @numba.njit(cache=True)
-def tick(plan_arrays: Arrays, state_arrays: Arrays, fresh: bool) -> int:
+def tick(run: np.ndarray, fresh: bool) -> int:
     """Write the due sample to the outputs and step to the next one; return the status flags.
 
-    `fresh`: whether `sample` holds a new sensor sample.
+    `run`: of `table`. `fresh`: whether `sample` holds a new sensor sample.
     """
-    plan, state = Plan(*plan_arrays), State(*state_arrays)
+    plan, state = plan_and_state(run)
     flags = _receive(plan, state, fresh)
     flags |= _sample(plan, state, flags)
     primitive = state.clock[PRIMITIVE]
     following = primitive + 1
     if state.clock[ROW] == plan.rows[following] and following < len(plan.tau):  # the primitive has ended
-        begin(plan_arrays, state_arrays, following)
+        begin(run, following)
         flags |= _sample(plan, state, flags)
     state.clock[TICK] += 1
     return flags

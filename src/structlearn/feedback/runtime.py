@@ -81,8 +81,9 @@ class Controller:
         self._goals = self._plan.position_goal.copy(), self._plan.orientation_goal.copy()
         self._last_tick = sum(sample_count(duration, self._dt) - 1 for duration in durations)
         self._state = controller_tick.resting_state(self._plan)
-        self._arguments = (tuple(self._plan), tuple(self._state))
+        self._run = controller_tick.table(self._plan, self._state)  # their arrays are never replaced
         self._sample, self._clock = self._state.sample, self._state.clock
+        self._sample_rule = f"a sensor sample has {len(self._sample)} numbers"
         self._started = False
         self.position, self.velocity, self.acceleration = map(_read_only, self._state.path[:, 0, 0])
         self.angular_velocity, self.angular_acceleration = map(_read_only, self._state.turning[:, 0, 0])
@@ -137,9 +138,9 @@ class Controller:
             array[:] = 0
         state.path[0, 0, 0] = position
         state.orientation[0, 0] = orientation
-        controller_tick.begin(*self._arguments, 0)
+        controller_tick.begin(self._run, 0)
         before = {name: array.copy() for name, array in state._asdict().items()}
-        controller_tick.tick(*self._arguments, False)
+        controller_tick.tick(self._run, False)
         for name in before.keys() - {"path", "turning", "orientation", "deviation"}:  # all but outputs
             getattr(state, name)[:] = before[name]
         self._started = True
@@ -160,9 +161,8 @@ class Controller:
         fresh = False
         if counts is not None and len(self._sample) > 0:
             fresh = True
-            rule = f"a sensor sample has {len(self._sample)} numbers"
-            self._sample[:] = real_numbers(counts, self._sample.shape, rule)
-        return controller_tick.tick(*self._arguments, fresh)
+            self._sample[:] = real_numbers(counts, self._sample.shape, self._sample_rule)
+        return controller_tick.tick(self._run, fresh)
 
     def move_goal(
         self, primitive: int | str, position: np.ndarray, orientation: np.ndarray | None = None
@@ -218,16 +218,16 @@ class Controller:
         return offset + plan.position_goal[running], rate / tau, force / tau**2
 
     @property
-    def compiled(self) -> tuple[controller_tick.Arrays, controller_tick.Arrays]:
+    def compiled(self) -> np.ndarray:
         """Plan and state in the form of `controller_tick.tick`, for loops that are compiled as a whole.
 
-        The plan has addresses of compiled functions: it is good for this process only.
+        It holds addresses: it is good for this process only, and as long as the controller exists.
 
         Raises RuntimeError: the run has not been started.
         """
         if not self._started:
             raise RuntimeError("start() comes before the first tick")
-        return self._arguments
+        return self._run
 
     @property
     def primitive(self) -> int:

@@ -5,12 +5,13 @@ Inertias are about the joint origins, where the recursion needs only the first m
 """
 
 import math
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from typing import NamedTuple, get_args
 
 import numpy as np
 
 from structlearn.core.compilation import cross, numba
+from structlearn.core.packed_arrays import packed, unpacking
 from structlearn.networks.compiled_layers import affine, hidden_layers
 from structlearn.rigid_body.friction import COULOMB_WIDTH, FrictionTerm
 from structlearn.rigid_body.tree import KinematicTree, LinkInertias, RobotArrays, robot_arrays
@@ -307,3 +308,25 @@ def model_torques(model: InverseDynamics, q: np.ndarray, qd: np.ndarray, qdd: np
         torques = newton_euler(model.robot, q, qd, qdd)
     add_friction(model.friction, q, qd, torques)
     return torques
+
+
+_NOTHING = InverseDynamics(BODIES, NO_ROBOT, NO_NETWORKS, np.empty((0, 0)))
+_model_of = unpacking(_NOTHING)
+
+
+def from_python(model: InverseDynamics) -> Callable[[np.ndarray, np.ndarray, np.ndarray], np.ndarray]:
+    """The model as a function of one state for loops in Python, faster than the model's own call.
+
+    Its arrays are handed over once (`core.packed_arrays`). Networks have one scratch memory: one thread only.
+    """
+    table = packed(model, _NOTHING)
+
+    def torques(q: np.ndarray, qd: np.ndarray, qdd: np.ndarray, model: InverseDynamics = model) -> np.ndarray:
+        return _packed_torques(table, q, qd, qdd)  # the default keeps the arrays
+
+    return torques
+
+
+@numba.njit(cache=True)
+def _packed_torques(table: np.ndarray, q: np.ndarray, qd: np.ndarray, qdd: np.ndarray) -> np.ndarray:
+    return model_torques(_model_of(table), q, qd, qdd)

@@ -3,6 +3,7 @@
 import warnings
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from functools import cached_property, partial
 from pathlib import Path
 
 import numpy as np
@@ -21,6 +22,31 @@ class Robot:
     tree: KinematicTree
     inertias: LinkInertias[np.ndarray]  # of the moving links, including whatever is fixed to them
     model: pinocchio.Model  # with the same joints in the same order
+
+    @cached_property
+    def inverse_dynamics(self) -> Callable[[np.ndarray, np.ndarray, np.ndarray], np.ndarray]:
+        """Torques (n,) in N m (N where a joint slides) at q, qd, qdd (n,), without friction, by Pinocchio.
+
+        For calls from Python, one state at a time and from one thread; `compiled_dynamics.inverse_dynamics`
+        is for compiled loops.
+        """
+        return self._of_a_state(pinocchio.rnea)
+
+    @cached_property
+    def forward_dynamics(self) -> Callable[[np.ndarray, np.ndarray, np.ndarray], np.ndarray]:
+        """Accelerations (n,) at q, qd and torques (n,), otherwise as `inverse_dynamics`."""
+        return self._of_a_state(pinocchio.aba)
+
+    def _of_a_state(self, function: Callable[..., np.ndarray]) -> Callable[..., np.ndarray]:
+        """Pinocchio's function with model and workspace, for joint positions instead of configurations."""
+        model, data = self.model, self.model.createData()
+        if model.nq == model.nv:
+            return partial(function, model, data)
+        return lambda q, *others: function(model, data, configuration(model, q), *others)
+
+    def __reduce__(self) -> tuple[type["Robot"], tuple[object, ...]]:
+        """Without the cached functions, which cannot be pickled."""
+        return type(self), (self.name, self.tree, self.inertias, self.model)
 
 
 def read_urdf(path: str | Path, locked: Sequence[str] = ()) -> Robot:

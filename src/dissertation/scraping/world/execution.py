@@ -34,7 +34,7 @@ Advance = Callable[[np.ndarray], None]
 Engine = Callable[[World], AbstractContextManager[Advance]]
 """Integrates a world's robot motion in place of the compiled loop."""
 
-NO_PLAN, NOBODY = controller_tick.no_plan(), nobody()  # null plan and null corrector
+NOBODY = nobody()  # null corrector
 FINGER_TICKS = 3  # control ticks per reading of the fingers: 100 Hz at 300 Hz
 
 
@@ -135,9 +135,9 @@ def execute(
     world = scraping_world.placed(parameters, angles, *conditions[:3])  # the board, and factors on it
     noise = rng.standard_normal((ticks, 6)) * np.repeat([control.force_noise_n, control.torque_noise_n_m], 3)
     if isinstance(motion, Controller):
-        reference, plan = _empty_reference(ticks), motion.compiled
+        reference, controller = _empty_reference(ticks), motion.compiled
     else:
-        reference, plan = motion, NO_PLAN
+        reference, controller = motion, controller_tick.NO_PLAN
     log = _empty_log(ticks)
     run = _Run(
         dt=parameters.dt,
@@ -157,7 +157,7 @@ def execute(
         hand=np.empty((ticks, 3, 3)),
         tool=np.empty((ticks, 3, 3)),
     )
-    others = (*plan, NOBODY if person is None else person)
+    others = (controller, NOBODY if person is None else person)
     if engine is None:
         _ticks(run, 0, ticks, True, *others)
     else:
@@ -188,8 +188,7 @@ def _ticks(
     first: int,
     end: int,
     integrate: bool,
-    plan_arrays: tuple,
-    state_arrays: tuple,
+    controller: np.ndarray,
     person: Corrector,
 ) -> None:
     """Ticks of sensors, motion, control and recorder, each followed by a step of the world if `integrate`.
@@ -197,10 +196,11 @@ def _ticks(
     If the plan has no primitives, the reference is given. All kinds of runs have the same argument types
     (hence the null corrector), since a loop of this size takes ten seconds to compile.
     """
+    plan, _ = controller_tick.plan_and_state(controller)
     for k in range(first, end):
         _sense(run, k)
-        if len(plan_arrays[0]) > 1:
-            _lead(plan_arrays, state_arrays, run.reference, run.log.counts, k)
+        if len(plan.tau) > 0:
+            _lead(controller, run.reference, run.log.counts, k)
         primitive = run.reference.primitive[k]
         height = roll = 0.0
         run.push[:] = 0.0
@@ -241,13 +241,13 @@ def _sense(run: _Run, k: int) -> None:
 
 
 @compiled_inside
-def _lead(plan_arrays: tuple, state_arrays: tuple, reference: Reference, counts: np.ndarray, k: int) -> None:
+def _lead(controller: np.ndarray, reference: Reference, counts: np.ndarray, k: int) -> None:
     """Let the controller write tick k of the reference; it gets each reading of the fingers once."""
-    state = controller_tick.State(*state_arrays)
+    _, state = controller_tick.plan_and_state(controller)
     fresh = k % FINGER_TICKS == 0 and len(state.sample) > 0
     if fresh:
         state.sample[:] = counts[k // FINGER_TICKS, : len(state.sample)]
-    controller_tick.tick(plan_arrays, state_arrays, fresh)
+    controller_tick.tick(controller, fresh)
     reference.position[k] = state.path[0, 0, 0]
     reference.velocity[k] = state.path[1, 0, 0]
     reference.acceleration[k] = state.path[2, 0, 0]
