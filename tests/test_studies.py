@@ -279,8 +279,8 @@ def test_every_study_names_what_is_there_and_nobody_on_whom_constants_were_chose
     assert not set(seeds) & set(population["tuning"])
     if (root / RESULTS / name / "study.json").exists():
         study = read_study(name)
-        if not study_tables.moved_parameters(name, description, study, root):
-            assert set(study.made.cells) <= {str(cell) for cell in planned["foreach"]}
+        assert study_tables.moved_parameters(name, description, study, root) == []
+        assert set(study.made.cells) <= {str(cell) for cell in planned["foreach"]}
         assert study.made.check is None or study.made.check.different == []
         assert set(study.results["variant"]) == {"ours", *description.variants}
         assert set(study.results["cell"]) == set(study.made.cells)
