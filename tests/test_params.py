@@ -116,7 +116,7 @@ def read_by(script: Path) -> Iterator[tuple[str, type[Parameters]]]:
             pairs = [*zip(node.keys, node.values, strict=True)]
         for key, model in pairs:
             module, _, name = ast.unparse(model).rpartition(".")
-            if isinstance(key, ast.Constant) and name.endswith(("Parameters", "Population")):
+            if isinstance(key, ast.Constant) and name.endswith(("Parameters", "Population", "Limits")):
                 home, known = origins[module or name]
                 home, known = (f"{home}.{known}", name) if module else (home, known)
                 yield key.value, getattr(importlib.import_module(home), known)
