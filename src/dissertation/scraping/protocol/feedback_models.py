@@ -142,13 +142,17 @@ def _evaluated(work: tuple[CouplingDataset, TrainingParameters, str]) -> pd.Data
     network, hidden = NETWORKS[name]
     train = named_trainer(network)
     results = train([(dataset, fold) for fold in folds], parameters, hidden)
+    scored: dict[tuple, list[float]] = {}  # by fold and step: both parts often choose the same step
     rows = []
     for stopping, (fold, trained) in product(STOPPINGS, zip(folds, results, strict=True)):
-        model = trained.models[stopping]
-        coupling = model.coupling(dataset.deviation, dataset.phase, dataset.phase_velocity)
+        at = fold.number, trained.steps[stopping]
+        if at not in scored:
+            coupling = trained.models[stopping].coupling(
+                dataset.deviation, dataset.phase, dataset.phase_velocity
+            )
+            scored[at] = [float(nmse(coupling[part], dataset.target[part])) for part in fold.parts()]
         keys = {"representation": name, "fold": fold.number, "stopping": stopping}
-        errors = [float(nmse(coupling[part], dataset.target[part])) for part in fold.parts()]
-        row = keys | {"step": trained.steps[stopping]} | dict(zip(PARTS, errors, strict=True))
+        row = keys | {"step": trained.steps[stopping]} | dict(zip(PARTS, scored[at], strict=True))
         rows.append(row | {"dimensions": trained.code})
     return pd.DataFrame(rows)
 
