@@ -4,9 +4,9 @@
 
 Every size runs in a process of its own, whose peak of resident memory beyond what the libraries take is that
 of inputs, work and results. The stages of tasks are run as a lab runs them, on bags of a made-up lab, and
-what their start takes is subtracted. Times are those of one processor. The exponent is the slope of the
-logarithm of time, or memory, over that of the size, by least squares over all sizes: 1 where twice as much
-costs twice as much.
+what a few demonstrations take is subtracted as their start. Times are those of one processor. The exponent
+is the slope of the logarithm of time, or memory, over that of the size, by least squares over all sizes: 1
+where twice as much costs twice as much.
 """
 
 import argparse
@@ -150,6 +150,7 @@ def leave_one_out(count: int) -> Run:
 
 
 DEMONSTRATIONS = (10, 20, 40, 80, 160)
+STARTED = 3
 LAB_S, LAB_HZ, LAB_MOVES = 6.0, 100.0, 2
 FEEDBACK = {
     "settings": ["a", "b"],
@@ -158,56 +159,42 @@ FEEDBACK = {
     "sensors": ["wrench"],
     "training": {"steps": 200, "evaluate_every": 100},
 }
-STAGES = {
-    "movement": {
-        "import_task": "import",
-        "segment": "cut",
-        "primitives": "fit and leave-one-out",
-        "feedback": "feedback",
-        "skill": "skill",
-        "check": "",
-        "view": "recordings",
-        "report": "page",
-    },
-    "motion": {"import_task": "import of joint logs", "learn": "identification", "report": "page of an arm"},
-}
-"""Stages of a task in their order, and what they do; those without a name are not measured."""
+STAGES = (
+    ("movement", "import_task", "import"),
+    ("movement", "segment", "cut"),
+    ("movement", "primitives", "fit and leave-one-out, stage"),
+    ("movement", "feedback", "feedback"),
+    ("movement", "skill", "skill"),
+    ("movement", "check", ""),
+    ("movement", "view", "recording"),
+    ("movement", "report", "page"),
+    ("motion", "import_task", "import of joint logs"),
+    ("motion", "learn", "identification"),
+    ("motion", "report", "page of an arm"),
+)
+"""Kind of task, stage, and what it does, in their order; without a name it is not measured."""
 
 
 def grown_stages() -> list[dict[str, Any]]:
     """Time and memory of a task's stages at all numbers of demonstrations.
 
-    Executions and corrections, in two settings, are the demonstrations again.
+    Executions and corrections, in two settings, are the demonstrations again. The first `STARTED` count as
+    the start of a stage, which loads libraries on the way: sizes and costs are those of the others.
     """
-    points = []
+    points, start = [], dict[str, tuple[float, float]]()
     with tempfile.TemporaryDirectory() as made:
         bags = Path(made) / "bags"
-        write_lab(bags, max(DEMONSTRATIONS), LAB_S, LAB_HZ, LAB_MOVES)
-        start = {
-            stage: _spent(["-c", f"import {PACKAGE}.{stage}"], Path(made))
-            for kind in STAGES.values()
-            for stage in kind
-        }
-        for count in DEMONSTRATIONS:
+        write_lab(bags, STARTED + max(DEMONSTRATIONS), LAB_S, LAB_HZ, LAB_MOVES)
+        for count in (0, *DEMONSTRATIONS):
             project = Path(made) / f"{count}"
-            _make_project(project, sorted(bags.iterdir())[:count])
-            for kind, stages in STAGES.items():
-                for stage, work in stages.items():
-                    cpu_ms, memory_mb = _spent(["-m", f"{PACKAGE}.{stage}", kind], project)
-                    if work:
-                        points.append(
-                            {
-                                "work": work,
-                                "unit": "demonstrations",
-                                "size": count,
-                                "cpu_ms": max(cpu_ms - start[stage][0], 1.0),
-                                "memory_mb": max(memory_mb - start[stage][1], SMALLEST_MB),
-                            }
-                        )
+            _make_project(project, sorted(bags.iterdir())[: STARTED + count])
+            for kind, stage, work in STAGES:
+                spent = _spent(stage, kind, project)
+                cpu_ms, memory_mb = np.subtract(spent, start.setdefault(f"{stage} {kind}", spent)).tolist()
+                if work and count:
+                    costs = {"cpu_ms": max(cpu_ms, 1.0), "memory_mb": max(memory_mb, SMALLEST_MB)}
+                    points.append({"work": work, "unit": "demonstrations", "size": count, **costs})
     return points
-
-
-PACKAGE = "structlearn.tasks.stages"
 
 
 def _make_project(project: Path, bags: Sequence[Path]) -> None:
@@ -233,17 +220,30 @@ def _make_project(project: Path, bags: Sequence[Path]) -> None:
     write_project(project, yaml.safe_dump(tasks), packaged_pipeline())
 
 
-def _spent(words: Sequence[str], folder: Path) -> tuple[float, float]:
-    """Time of processors in ms and peak resident memory in MB of Python with these arguments."""
-    environment = os.environ | {BACKEND: "sequential"}
-    with subprocess.Popen(
-        [sys.executable, *words], cwd=folder, env=environment, stdout=subprocess.DEVNULL
-    ) as running:
-        _, status, used = os.wait4(running.pid, 0)
-        running.returncode = os.waitstatus_to_exitcode(status)
-    if running.returncode:
-        raise SystemExit(f"{' '.join(words)}: ended with code {running.returncode}")
-    return 1e3 * (used.ru_utime + used.ru_stime), used.ru_maxrss / 1024
+RUN = """
+import atexit, os, runpy, sys
+status = open("/proc/self/status")
+peak = lambda: int(status.read().split("VmHWM:")[1].split()[0]) / 1024
+atexit.register(lambda: print(1e3 * sum(os.times()[:4]), peak()))
+runpy.run_module(sys.argv.pop(1), run_name="__main__", alter_sys=True)
+"""
+"""Runs a module and prints last what the process has spent: ms, and the peak of resident memory in MB. The
+peak that a parent is told of is at least its own, since a child begins with its memory."""
+
+
+def _spent(stage: str, task: str, folder: Path) -> tuple[float, ...]:
+    """Time of processors in ms and peak resident memory in MB of a stage."""
+    done = subprocess.run(
+        [sys.executable, "-c", RUN, f"structlearn.tasks.stages.{stage}", task],
+        cwd=folder,
+        env=os.environ | {BACKEND: "sequential"},
+        stdout=subprocess.PIPE,
+        text=True,
+        check=False,
+    )
+    if done.returncode:
+        raise SystemExit(f"{stage} {task}: ended with code {done.returncode}")
+    return tuple(float(word) for word in done.stdout.splitlines()[-1].split())
 
 
 ROLLOUTS, MOTIONS = (38, 120, 380, 1200, 3800), (6_000, 19_000, 60_000, 190_000, 600_000)
@@ -269,7 +269,7 @@ def main() -> None:
     options = parser.parse_args()
     cases = [case for case in CASES if options.only in case.work]
     points = pd.DataFrame([point for case in cases for point in measured(case, options.seconds)])
-    if any(options.only in work for stages in STAGES.values() for work in stages.values() if work):
+    if any(options.only in work for *_, work in STAGES if work):
         stages = pd.DataFrame(grown_stages())
         points = pd.concat([points, stages[stages["work"].str.contains(options.only, regex=False)]])
     if points.empty:
