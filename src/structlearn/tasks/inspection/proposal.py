@@ -11,11 +11,11 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from structlearn.readers.messages import READERS
-from structlearn.readers.source import JointPose
+from structlearn.readers.source import JointPose, TransformPose
 from structlearn.rigid_body.urdf import moving_joints
 from structlearn.tasks.inspection.fitness import IN_STEP_S, out_of_step
 from structlearn.tasks.inspection.hand_motion import HandCandidate, MotionSurvey, pose_words
-from structlearn.tasks.inspection.source_survey import SourceSeen
+from structlearn.tasks.inspection.source_survey import SourceSeen, frames_above
 from structlearn.tasks.task_files import is_name, local_path
 
 # Usual names of tactile topics; other arrays are commands and the like
@@ -122,9 +122,18 @@ def _pose_warnings(seen: SourceSeen, hand: HandCandidate, others: Sequence[HandC
         yield "it does not move"
     if missing := [file.name for file in seen.files if file.name not in hand.paths]:
         yield f"not in {_listed(missing)}, which cannot be read by this entry"
+    if isinstance(hand.source, TransformPose) and (above := _frames_above(seen, hand.source)):
+        yield f"{hand.source.parent} itself is in {_listed(above)}, where the hand moves with the base too"
     if others:
         descriptions = [f"{pose_words(other.source)}, which goes {other.travelled:.4g} m" for other in others]
         yield f"also there: {_listed(descriptions, 3)}"
+
+
+def _frames_above(seen: SourceSeen, source: TransformPose) -> list[str]:
+    """Frames that carry the parent frame of a pose, the nearest first."""
+    topics = (source.topic, f"{source.topic}_static")
+    links = [link for _, _, topic in seen.on(topics) for link in topic.links]
+    return frames_above(source.parent, {link.child: link.parent for link in links})[1:]
 
 
 def _robot(seen: SourceSeen, urdf: str, pose: JointPose) -> dict[str, Any]:
