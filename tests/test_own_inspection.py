@@ -1,5 +1,6 @@
 """What is said of recordings before anything is configured, and the entry that is proposed for them."""
 
+import runpy
 from dataclasses import replace
 from itertools import pairwise
 
@@ -397,3 +398,24 @@ def test_a_name_for_the_task_is_one_for_folders_and_the_home_folder_is_not_writt
     monkeypatch.setenv("HOME", "/home/somebody")
     assert from_home("/home/somebody/bags") == "~/bags"
     assert [from_home(path) for path in ("~/bags", "bags", "/data")] == ["~/bags", "bags", "/data"]
+
+
+@pytest.mark.parametrize(
+    ("name", "axes", "repeats"),
+    [
+        ("pour in place", ["xyz", "rot", "rot", "xyz"], 1),
+        ("wipe, no pauses", ["xyz"] * 6, 1),
+        ("session of 5", ["xyz"] * 3, "auto"),
+    ],
+)
+def test_turns_strokes_and_sessions_are_proposed_as_they_were_made(
+    root, monkeypatch, tmp_path, name, axes, repeats
+):
+    monkeypatch.syspath_prepend(root / "benchmarks")
+    made = runpy.run_path(str(root / "benchmarks/kinds_of_recordings.py"))["outcome"](name, 11, tmp_path)
+    assert made.right
+    assert made.warnings == 0
+    assert made.errors_ms.mean() < 25.0
+    task = read_task("bags", tmp_path / "structlearn.yaml")
+    assert [primitive.axis for primitive in task.segment.primitives] == axes
+    assert task.repeats == repeats
