@@ -17,7 +17,9 @@ from structlearn.tasks.movement import skill_check
 from structlearn.tasks.movement.check_results import SkillCheck
 from structlearn.tasks.movement.parameters import RobotParameters
 
-FIT = FitParameters(smoothing_hz=5.0, kernel_count=25, regression="joint", scaled_axes=(True, False, False))
+FIT = FitParameters(
+    smoothing_hz=5.0, kernel_count=25, regression="joint", scaled_axes=(True, False, False), frame="auto"
+)
 HERE = {"position_m": (0.0, 0.0, 0.0), "orientation": (1.0, 0.0, 0.0, 0.0)}
 PANDA = RobotParameters(
     urdf="franka_panda/panda.urdf",

@@ -14,7 +14,9 @@ from structlearn.primitives.fitting import FitParameters, learn_sequence
 from structlearn.tasks.movement import movement_learning as learning
 from structlearn.tasks.movement.parameters import PARTS
 
-FIT = FitParameters(smoothing_hz=5.0, kernel_count=10, regression="joint", scaled_axes=(True, False, False))
+FIT = FitParameters(
+    smoothing_hz=5.0, kernel_count=10, regression="joint", scaled_axes=(True, False, False), frame="auto"
+)
 
 
 @pytest.fixture

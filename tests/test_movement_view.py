@@ -21,7 +21,9 @@ from structlearn.tasks.movement.phase_corrections import phase_networks
 from structlearn.viewer.demonstrations import demonstrations
 from structlearn.viewer.recording import write
 
-FIT = FitParameters(smoothing_hz=5.0, kernel_count=10, regression="joint", scaled_axes=(False,) * 3)
+FIT = FitParameters(
+    smoothing_hz=5.0, kernel_count=10, regression="joint", scaled_axes=(False,) * 3, frame="auto"
+)
 
 
 @pytest.fixture

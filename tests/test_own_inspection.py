@@ -1,6 +1,8 @@
 """What is said of recordings before anything is configured, and the entry that is proposed for them."""
 
+import runpy
 from dataclasses import replace
+from itertools import pairwise
 
 import numpy as np
 import pytest
@@ -171,6 +173,38 @@ def test_the_base_does_not_depend_on_which_joints_rest_and_the_hand_carries_no_e
     moving = [series("base", "link_1", turns), series("link_1", "flange"), series("base", "person")]
     static = [series("map", "base", False), series("flange", "tool0", False), series("tool0", "lens", False)]
     assert frame_pairs(moving, static) == [("base", "tool0"), ("base", "person")]
+
+
+@pytest.mark.parametrize(
+    ("chain", "base"),
+    [
+        (["map", "odom", "base_link", "link_1", "tool0"], "base_link"),
+        (
+            ["odom", "base_footprint", "left/base_link", "torso", "panda_link0", "panda_hand"],
+            "left/base_link",
+        ),
+        (["world", "odom", "panda_link0", "panda_link1", "robotiq_base_link", "tcp"], "panda_link0"),
+        (["map", "odom", "rover", "link_1", "tool0"], "map"),
+    ],
+)
+def test_the_pose_is_in_the_base_of_the_robot_and_not_where_it_drives(chain, base):
+    moving = [series(parent, child) for parent, child in pairwise(chain)]
+    assert frame_pairs(moving, []) == [(base, chain[-1])]
+
+
+def test_frames_above_the_base_are_listed(tmp_path):
+    rows = moving_rows()
+    for number in range(2):
+        messages = [
+            *transform_messages(STAMPS, "map", "odom", rows),
+            *transform_messages(STAMPS, "odom", "base_link", rows),
+            *transform_messages(STAMPS, "base_link", "tool0", rows),
+        ]
+        write_bag(tmp_path / f"{number}.mcap", sorted(messages, key=lambda message: message[3]))
+    found = find_out(str(tmp_path))
+    assert found.proposal.entry["topics"]["pose"]["parent"] == "base_link"
+    (said,) = found.proposal.warnings["topics.pose"]
+    assert said.startswith("base_link itself is in odom, map")
 
 
 def test_fingers_and_other_frames_are_not_held_against_the_hand(tmp_path):
@@ -364,3 +398,24 @@ def test_a_name_for_the_task_is_one_for_folders_and_the_home_folder_is_not_writt
     monkeypatch.setenv("HOME", "/home/somebody")
     assert from_home("/home/somebody/bags") == "~/bags"
     assert [from_home(path) for path in ("~/bags", "bags", "/data")] == ["~/bags", "bags", "/data"]
+
+
+@pytest.mark.parametrize(
+    ("name", "axes", "repeats"),
+    [
+        ("pour in place", ["xyz", "rot", "rot", "xyz"], 1),
+        ("wipe, no pauses", ["xyz"] * 6, 1),
+        ("session of 5", ["xyz"] * 3, "auto"),
+    ],
+)
+def test_turns_strokes_and_sessions_are_proposed_as_they_were_made(
+    root, monkeypatch, tmp_path, name, axes, repeats
+):
+    monkeypatch.syspath_prepend(root / "benchmarks")
+    made = runpy.run_path(str(root / "benchmarks/kinds_of_recordings.py"))["outcome"](name, 11, tmp_path)
+    assert made.right
+    assert made.warnings == 0
+    assert made.errors_ms.mean() < 25.0
+    task = read_task("bags", tmp_path / "structlearn.yaml")
+    assert [primitive.axis for primitive in task.segment.primitives] == axes
+    assert task.repeats == repeats

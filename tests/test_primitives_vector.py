@@ -6,7 +6,9 @@ from primitives_movements import fading_coupling, for_rngs, normalised_error, ra
 
 from structlearn.core import quaternion
 from structlearn.core.frames import local_frame
-from structlearn.primitives.position import fit_position
+from structlearn.core.signals import minimum_jerk
+from structlearn.primitives.position import fit_position, fit_position_subsets
+from structlearn.primitives.trajectory import differentiated
 from structlearn.primitives.vector import VectorPrimitive, fit_vector, relative_scale, sample_count
 
 DT = 0.005
@@ -194,3 +196,34 @@ def test_demonstrations_in_other_directions_are_one_primitive(rng):
     np.testing.assert_allclose(primitive.local.weights[1:], alone.local.weights[1:], atol=1e-3)
     path = primitive.unroll(DT, demonstrated.position[0], demonstrated.position[-1])
     assert np.linalg.norm(path.position - demonstrated.position, axis=1).max() < 1e-3  # IV.6.1
+
+
+def loops(mean_m, spread_m, count=8):
+    """Loops of 10 cm that end `mean_m` +- `spread_m` from their start, level."""
+    rng = np.random.default_rng(1)
+    time = np.linspace(0.0, 1.0, 600)
+    s = minimum_jerk(time)
+    loop = 0.1 * np.stack([np.sin(2 * np.pi * s), 1.0 - np.cos(2 * np.pi * s), 0.0 * s], axis=1)
+    ends = [mean_m, 0.0, 0.0] + spread_m * rng.standard_normal((count, 3)) * [1.0, 1.0, 0.0]
+    return [differentiated(loop + end * s[:, None], 0.005, 5.0) for end in ends]
+
+
+@pytest.mark.parametrize(
+    ("mean_m", "spread_m", "frame"),
+    [
+        (0.0, 0.005, "world"),
+        (0.012, 0.0, "up"),
+        (0.012, 0.005, "world"),
+        (0.03, 0.02, "world"),
+        (0.05, 0.02, "world"),
+    ],
+)
+def test_a_loop_is_learned_in_the_frame_in_which_demonstrations_agree(mean_m, spread_m, frame):
+    demonstrated = loops(mean_m, spread_m)
+    scaled, every = (True, False, False), np.ones(len(demonstrated), dtype=bool)
+    primitive = fit_position(demonstrated, scaled)
+    assert primitive.frame == fit_position_subsets(demonstrated, scaled)(every, "joint").frame == frame
+    assert fit_position(demonstrated, scaled, frame="base").frame == "world"
+    for path in demonstrated:
+        own = primitive.unroll(path.dt, path.position[0], path.position[-1], path.duration)
+        assert np.linalg.norm(own.position - path.position, axis=1).max() < 0.006  # m

@@ -298,3 +298,8 @@ def test_a_turn_on_the_spot_is_found_by_its_angular_speed():
     for place, name in enumerate(["reach", "turn", "back"]):
         found = segmentation.result(name)[["start_s", "end_s"]].to_numpy(float)
         np.testing.assert_allclose(found, np.array(true)[:, place], atol=0.1)
+    unassigned = cut(demonstrations, pick(["reach", "back"])).warnings
+    assert set(unassigned["demonstration"]) == {"01", "02", "03"}
+    assert set(unassigned["reason"]) == {"rotation before it belongs to no primitive (degrees)"}
+    between = cut(demonstrations, pick(["reach", {"name": "turn", "axis": "between"}, "back"]))
+    assert len(between.warnings) == 0

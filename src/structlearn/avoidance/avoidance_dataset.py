@@ -66,7 +66,9 @@ def fit_baseline(
     Raises InputError: the reach is too short to have a direction, or a demonstration too short to
     differentiate.
     """
-    primitive = fit_position([smooth_path(demonstration, parameters) for demonstration in demonstrations])
+    primitive = fit_position(
+        [smooth_path(demonstration, parameters) for demonstration in demonstrations], frame="reach"
+    )
     if primitive.frame == "world":
         length = np.linalg.norm(primitive.goal - primitive.start)
         raise InputError(f"the baseline's reach of {length:g} m is too short to have a direction")

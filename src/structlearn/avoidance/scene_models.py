@@ -203,7 +203,7 @@ def straight_baseline(reaches: Sequence[SceneReach]) -> VectorPrimitive:
     """
     most = max(STRAIGHT_SHARE, min(reach.bend for reach in reaches))
     straight = [reach.path for reach in reaches if reach.bend <= most]
-    return fit_position(straight, scaled=(True, False, False)).local
+    return fit_position(straight, scaled=(True, False, False), frame="reach").local
 
 
 def learn_scene_models(

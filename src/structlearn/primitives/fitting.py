@@ -11,7 +11,7 @@ from structlearn.core import quaternion
 from structlearn.core.errors import InputError
 from structlearn.core.params import Parameters
 from structlearn.primitives.kernels import Regression
-from structlearn.primitives.position import fit_position, fit_position_subsets
+from structlearn.primitives.position import FrameChoice, fit_position, fit_position_subsets
 from structlearn.primitives.sequence import PosePrimitive, fit_orientation, fit_orientation_subsets
 from structlearn.primitives.trajectory import (
     OrientationTrajectory,
@@ -30,6 +30,7 @@ class FitParameters(Parameters):
     kernel_count: int = Field(ge=2, le=200)
     regression: Regression
     scaled_axes: tuple[bool, bool, bool]
+    frame: FrameChoice
 
 
 REPRODUCTION_ERRORS = ("mean_mm", "max_mm", "end_mm", "mean_deg", "max_deg", "end_deg")
@@ -100,7 +101,8 @@ def learn_primitive(name: str, segments: Sequence[Segment], parameters: FitParam
     positions, turns = zip(*segments, strict=True)
     choice = (parameters.regression, parameters.kernel_count)
     orientation = fit_orientation(orientations(segments), *choice) if any(turns) else None
-    return PosePrimitive(name, fit_position(positions, parameters.scaled_axes, *choice), orientation)
+    position = fit_position(positions, parameters.scaled_axes, *choice, parameters.frame)
+    return PosePrimitive(name, position, orientation)
 
 
 def learn_sequence(
@@ -170,7 +172,7 @@ def learn_subsets(
     """As `learn_primitive`, from some of the segments at a time, by either regression."""
     positions, turns = zip(*segments, strict=True)
     count = parameters.kernel_count
-    position = fit_position_subsets(positions, parameters.scaled_axes, count)
+    position = fit_position_subsets(positions, parameters.scaled_axes, count, parameters.frame)
     orientation = fit_orientation_subsets(orientations(segments), count) if any(turns) else None
 
     def fit(used: np.ndarray, method: Regression) -> PosePrimitive:

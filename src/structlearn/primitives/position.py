@@ -3,9 +3,11 @@
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cache
+from typing import Literal
 
 import numpy as np
 
+from structlearn.core import signals
 from structlearn.core.frames import FrameKind, frame_kind, local_frame
 from structlearn.primitives import kernels, transformation
 from structlearn.primitives.trajectory import Trajectory
@@ -13,6 +15,17 @@ from structlearn.primitives.vector import SubsetFit, VectorPrimitive, fit_vector
 
 SHORTEST_REACH = 0.01
 """m; shorter reaches use the base frame, because their direction is mostly noise."""
+
+FrameChoice = Literal["auto", "reach", "base"]
+"""Frame in which a movement is learned: along its reach (IV.6.1), in the axes of the base, or `auto`: along
+the reach, unless the demonstrations clearly agree better in the axes of the base (`CLOSER`)."""
+
+CLOSER = 0.5
+"""Scatter of the demonstrations in the axes of the base, over that in their local frames, below which the
+base is used: they return near their starts, so that the directions of their reaches are mostly noise (wipe,
+stir). Reaches whose directions are known scatter alike in both, or less in their local frames."""
+
+SHAPE_SAMPLES = 50  # per path in normalised time, to compare frames
 
 
 @dataclass(frozen=True)
@@ -67,6 +80,7 @@ def fit_position(
     scaled: Sequence[bool] = (False, False, False),
     method: kernels.Regression = "joint",
     kernel_count: int = kernels.KERNEL_COUNT,
+    frame: FrameChoice = "auto",
 ) -> PositionPrimitive:
     """Fit a position primitive; each demonstration is expressed in its own local frame.
 
@@ -74,7 +88,7 @@ def fit_position(
     forcing term scales with the reach.
     """
     start, goal = (np.mean([path.position[at] for path in demonstrations], axis=0) for at in (0, -1))
-    kind = frame_kind(goal - start, SHORTEST_REACH)
+    kind = _Frames(demonstrations, frame).kind(np.ones(len(demonstrations), dtype=bool))
     local = [in_local_frame(path, kind) for path in demonstrations]
     return PositionPrimitive(
         fit_vector(local, _scaled(scaled, kind), method, kernel_count), kind, start, goal
@@ -85,9 +99,11 @@ def fit_position_subsets(
     demonstrations: Sequence[Trajectory],
     scaled: Sequence[bool] = (False, False, False),
     kernel_count: int = kernels.KERNEL_COUNT,
+    frame: FrameChoice = "auto",
 ) -> SubsetFit[PositionPrimitive]:
     """As `fit_position`, for some of the demonstrations at a time; samples are read once per frame kind."""
     starts, goals = (np.array([path.position[at] for path in demonstrations]) for at in (0, -1))
+    frames = _Frames(demonstrations, frame)
 
     @cache
     def local_fit(kind: FrameKind) -> SubsetFit[VectorPrimitive]:
@@ -96,10 +112,46 @@ def fit_position_subsets(
 
     def fit(used: np.ndarray, method: kernels.Regression) -> PositionPrimitive:
         start, goal = starts[used].mean(axis=0), goals[used].mean(axis=0)
-        kind = frame_kind(goal - start, SHORTEST_REACH)
+        kind = frames.kind(used)
         return PositionPrimitive(local_fit(kind)(used, method), kind, start, goal)
 
     return fit
+
+
+class _Frames:
+    """Choice of the local frame for some of L demonstrations at a time."""
+
+    def __init__(self, demonstrations: Sequence[Trajectory], choice: FrameChoice) -> None:
+        self.choice = choice
+        self.reaches = np.array([path.position[-1] - path.position[0] for path in demonstrations])
+        self.curves = cache(lambda kind: _shapes(demonstrations, kind))
+
+    def kind(self, used: np.ndarray) -> FrameKind:
+        """Frame for the demonstrations in a mask (L,)."""
+        kind = frame_kind(self.reaches[used].mean(axis=0), SHORTEST_REACH)
+        if self.choice == "base" or kind == "world":
+            return "world"
+        if self.choice == "reach":
+            return kind
+        in_base, along = (_scatter(self.curves(frame)[used]) for frame in ("world", kind))
+        return "world" if in_base < CLOSER * along else kind
+
+
+def _shapes(demonstrations: Sequence[Trajectory], kind: FrameKind) -> np.ndarray:
+    """(L, S, 3) m: paths in normalised time without the minimum-jerk reach, which follows any goal."""
+    progress = signals.minimum_jerk(np.linspace(0.0, 1.0, SHAPE_SAMPLES))[:, None]
+    try:
+        local = [in_local_frame(path, kind).position for path in demonstrations]
+    except ValueError:  # a demonstration without a direction has no such frame
+        return np.full((len(demonstrations), SHAPE_SAMPLES, 3), np.inf)
+    return np.array([signals.time_normalised(path, SHAPE_SAMPLES) - progress * path[-1] for path in local])
+
+
+def _scatter(curves: np.ndarray) -> float:
+    """Root of the mean squared distance in m of curves (L, S, 3) from their mean."""
+    if np.isinf(curves).any():
+        return np.inf
+    return float(np.sqrt(np.mean(np.sum((curves - curves.mean(axis=0)) ** 2, axis=2))))
 
 
 def _scaled(scaled: Sequence[bool], kind: FrameKind) -> Sequence[bool]:

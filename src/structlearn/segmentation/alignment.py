@@ -171,6 +171,9 @@ MOST_MISMATCH = 1.0
 MOST_UNASSIGNED = 0.25
 """Longest path of motion outside all primitives, relative to a mean primitive; ignored motion is shorter."""
 
+MOST_TURNED_DEG = 20.0
+"""Largest rotation in degrees outside all primitives; a hand that rests turns by a few degrees."""
+
 MOST_PAUSED_S = 0.35
 """Longest pauses within a primitive, in total; a pause between primitives is longer."""
 
@@ -196,6 +199,8 @@ def _evidence(refined: Refined, reference: bool) -> Iterator[tuple[str, float, f
     yield "its duration, way or direction is unlike the reference's (cost)", own.mismatch, MOST_MISMATCH
     yield "motion before it belongs to no primitive (ways of a primitive)", own.unassigned[0], MOST_UNASSIGNED
     yield "motion after it belongs to no primitive (ways of a primitive)", own.unassigned[1], MOST_UNASSIGNED
+    yield "rotation before it belongs to no primitive (degrees)", own.turned_deg[0], MOST_TURNED_DEG
+    yield "rotation after it belongs to no primitive (degrees)", own.turned_deg[1], MOST_TURNED_DEG
     yield "a rest within it was taken for a hesitation (s)", own.paused_s, MOST_PAUSED_S
     if reference:
         return

@@ -22,7 +22,7 @@ from itertools import pairwise
 
 import numpy as np
 
-from structlearn.core import signals
+from structlearn.core import quaternion, signals
 from structlearn.core.errors import InputError
 from structlearn.core.signals import minimum_jerk
 from structlearn.readers.demonstration import Demonstration
@@ -65,6 +65,8 @@ class Crossing:
     mismatch: float = 0.0  # with the reference's primitive (`run_assignment`); 0 without a choice
     # path of unassigned motion before it, and after it if it is the last, relative to a mean primitive
     unassigned: tuple[float, float] = (0.0, 0.0)
+    # largest rotation in degrees since its predecessor (or the start), and after it if it is the last
+    turned_deg: tuple[float, float] = (0.0, 0.0)
     paused_s: float = 0.0  # s of dips within it that count as hesitations
 
 
@@ -171,7 +173,8 @@ def _assigned(
             costs = None if chosen is None else chosen.costs
             crossings.append(_missing(demonstration, primitives, choices, costs, paces))
         else:
-            crossings.append(_placed(primitives, choices, chosen))
+            placed = _placed(primitives, choices, chosen)
+            crossings.append(_with_turns(demonstration, placed, dict(zip(placed, between, strict=True))))
     return assignment.reference, crossings
 
 
@@ -237,6 +240,26 @@ def _placed(
         )
         event, before = end if primitive.until is not None else None, end
     return crossings
+
+
+def _with_turns(demonstration: Demonstration, crossings: Crossings, between: Mapping[str, bool]) -> Crossings:
+    """Crossings with the rotation outside them; `between`: whether a primitive without an axis precedes."""
+    if demonstration.orientation is None:
+        return crossings
+    turned, before, final = {}, 0, list(crossings)[-1]
+    for name, crossing in crossings.items():
+        earlier = 0.0 if between[name] else _turn_deg(demonstration.orientation[before : crossing.start + 1])
+        before = crossing.end
+        later = _turn_deg(demonstration.orientation[before:]) if name == final else 0.0
+        turned[name] = replace(crossing, turned_deg=(earlier, later))
+    return turned
+
+
+def _turn_deg(orientation: np.ndarray) -> float:
+    """Largest angle in degrees of orientations (T, 4) from the first one; 0 if there is none."""
+    if len(orientation) == 0:
+        return 0.0
+    return float(np.degrees(quaternion.angle_between(orientation, orientation[:1]).max()))
 
 
 def _missing(

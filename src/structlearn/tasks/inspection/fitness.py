@@ -50,23 +50,28 @@ def at_most(value: float, bounds: tuple[float, float]) -> Verdict:
 
 
 def fitness(
-    seen: SourceSeen, hand: HandCandidate | None, motion: MotionSurvey | None, topics: Sequence[str]
+    seen: SourceSeen,
+    hand: HandCandidate | None,
+    motion: MotionSurvey | None,
+    topics: Sequence[str],
+    repeats: int = 0,
 ) -> Iterator[Answer]:
     """Answers to all questions that apply to the files.
 
     `hand`: source of the hand's poses; `motion`: its runs, None if it does not move; `topics`: topics to
-    read.
+    read; `repeats`: of the task in all files, if each has several.
     """
     count, total = len(seen.files), len(seen.files) + len(seen.damaged)
     readable: Verdict = "doubtful" if seen.damaged else "yes"
     yield Answer("Can all files be read?", readable, f"{count} of {total}", "; ".join(seen.damaged.values()))
-    enough = at_least(count, ENOUGH)
-    yield Answer("Are there enough demonstrations?", enough, str(count), f"record {ENOUGH[0]} or more")
+    enough = at_least(repeats or count, ENOUGH)
+    number = f"{repeats} repeats in {count}" if repeats else str(count)
+    yield Answer("Are there enough demonstrations?", enough, number, f"record {ENOUGH[0]} or more")
     if hand is None:
         yield _no_hand(seen)
     else:
         yield from _of_hand(seen, hand)
-    if motion is not None:
+    if motion is not None and not repeats:
         others = {name: len(motion.counted(name)) for name in motion.runs if name not in motion.agreeing}
         agree, total = len(motion.agreeing), len(motion.runs)
         verdict: Verdict = "no" if 2 * agree <= total else "doubtful" if others else "yes"

@@ -43,7 +43,8 @@ KINDS = (str, TransformPose, JointPose)
 class HandPath(NamedTuple):
     """Positions (T, 3) m and speeds (T,) m/s of one pose source in one file, on a uniform clock.
 
-    `orientation` (T, 4) is None if a quaternion has norm 0.
+    `recorded` (T, 3) m: positions before they are smoothed. `orientation` (T, 4) is None if a quaternion has
+    norm 0.
     """
 
     dt: float
@@ -51,6 +52,7 @@ class HandPath(NamedTuple):
     speed: np.ndarray
     orientation: np.ndarray | None
     stamps: Stamps
+    recorded: np.ndarray
 
     @property
     def extent_m(self) -> float:
@@ -82,7 +84,7 @@ def hand_path(stream: Stream) -> HandPath:
     turned = None
     if (norms > 0.0).all():
         turned = quaternion.interpolate(np.minimum(ticks, time[-1]), time, values[:, 3:] / norms[:, None])
-    return HandPath(dt, position, speed, turned, stamp_statistics(stream.stamps))
+    return HandPath(dt, position, speed, turned, stamp_statistics(stream.stamps), raw)
 
 
 class HandCandidate(NamedTuple):
@@ -186,11 +188,10 @@ def turns_between(path: HandPath, runs: Sequence[MotionRun]) -> list[float]:
 
 def motion_runs(path: HandPath, threshold: float) -> list[MotionRun]:
     """Runs of a path's speed above a threshold in temporal order, joined across hesitations."""
-    runs = runs_of_motion(path.speed, threshold, most=len(path.speed))
+    runs = joined_runs(path.speed, threshold, path.dt)
     if not len(runs):
         return []
-    pauses = np.flatnonzero((runs[1:, 0] - runs[:-1, 1]) * path.dt > BRIDGE_S)
-    first, last = runs[np.append(0, pauses + 1), 0], runs[np.append(pauses, len(runs) - 1), 1]
+    first, last = runs.T
     lengths = [float(path.speed[a : b + 1].sum() * path.dt) for a, b in zip(first, last, strict=True)]
     return [
         MotionRun(
@@ -198,3 +199,12 @@ def motion_runs(path: HandPath, threshold: float) -> list[MotionRun]:
         )
         for a, b, path_length in zip(first, last, lengths, strict=True)
     ]
+
+
+def joined_runs(speed: np.ndarray, threshold: float, dt: float) -> np.ndarray:
+    """First and last samples (R, 2) of the runs above a threshold, joined across hesitations."""
+    runs = runs_of_motion(speed, threshold, most=len(speed))
+    if not len(runs):
+        return runs
+    pauses = np.flatnonzero((runs[1:, 0] - runs[:-1, 1]) * dt > BRIDGE_S)
+    return np.stack([runs[np.append(0, pauses + 1), 0], runs[np.append(pauses, len(runs) - 1), 1]], axis=1)

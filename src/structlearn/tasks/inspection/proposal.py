@@ -11,11 +11,12 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from structlearn.readers.messages import READERS
-from structlearn.readers.source import JointPose
+from structlearn.readers.source import JointPose, TransformPose
 from structlearn.rigid_body.urdf import moving_joints
 from structlearn.tasks.inspection.fitness import IN_STEP_S, out_of_step
 from structlearn.tasks.inspection.hand_motion import HandCandidate, MotionSurvey, pose_words
-from structlearn.tasks.inspection.source_survey import SourceSeen
+from structlearn.tasks.inspection.source_survey import SourceSeen, frames_above
+from structlearn.tasks.inspection.task_moves import OWN_TURN_DEG, TaskMoves
 from structlearn.tasks.task_files import is_name, local_path
 
 # Usual names of tactile topics; other arrays are commands and the like
@@ -38,9 +39,13 @@ class Proposal(NamedTuple):
 
 
 def propose(
-    seen: SourceSeen, hand: HandCandidate, others: Sequence[HandCandidate], motion: MotionSurvey | None
+    seen: SourceSeen,
+    hand: HandCandidate,
+    others: Sequence[HandCandidate],
+    motion: MotionSurvey | None,
+    moves: TaskMoves,
 ) -> Proposal:
-    """Propose an entry for the chosen pose source, other sources in order of likelihood, and the motion."""
+    """Propose an entry for the chosen pose source and its moves; `others`: sources in order of likelihood."""
     source = hand.source
     topics, warnings = _topics(seen, hand, others)
     read = [source if isinstance(source, str) else source.topic]  # without static transforms
@@ -50,8 +55,11 @@ def propose(
     stamps, warnings["stamps"] = _stamps(seen, read, hand)
     if warnings["stamps"]:
         entry["stamps"] = stamps
-    number, warnings["segment.primitives"] = _primitives(motion)
-    entry["segment"] = {"primitives": number}
+    if moves.repeats:
+        entry["repeats"] = "auto"
+        warnings["repeats"] = [f"the moves recur {moves.repeats} times: each repeat is a demonstration"]
+    entry["segment"] = {"primitives": moves.primitives}
+    warnings["segment.primitives"] = list(_move_warnings(motion, moves))
     for arm in (hand, *others):
         if seen.urdf is not None and isinstance(arm.source, JointPose):
             entry["robot"] = _robot(seen, seen.urdf, arm.source)
@@ -122,9 +130,18 @@ def _pose_warnings(seen: SourceSeen, hand: HandCandidate, others: Sequence[HandC
         yield "it does not move"
     if missing := [file.name for file in seen.files if file.name not in hand.paths]:
         yield f"not in {_listed(missing)}, which cannot be read by this entry"
+    if isinstance(hand.source, TransformPose) and (above := _frames_above(seen, hand.source)):
+        yield f"{hand.source.parent} itself is in {_listed(above)}, where the hand moves with the base too"
     if others:
         descriptions = [f"{pose_words(other.source)}, which goes {other.travelled:.4g} m" for other in others]
         yield f"also there: {_listed(descriptions, 3)}"
+
+
+def _frames_above(seen: SourceSeen, source: TransformPose) -> list[str]:
+    """Frames that carry the parent frame of a pose, the nearest first."""
+    topics = (source.topic, f"{source.topic}_static")
+    links = [link for _, _, topic in seen.on(topics) for link in topic.links]
+    return frames_above(source.parent, {link.child: link.parent for link in links})[1:]
 
 
 def _robot(seen: SourceSeen, urdf: str, pose: JointPose) -> dict[str, Any]:
@@ -166,28 +183,40 @@ def _stamps(seen: SourceSeen, read: Sequence[str], hand: HandCandidate) -> tuple
     return {"clock": "log" if by_log else "header", "disorder": disorder}, warnings
 
 
-def _primitives(motion: MotionSurvey | None) -> tuple[int, list[str]]:
-    """Proposed number of primitives, and warnings about it."""
+def _move_warnings(motion: MotionSurvey | None, moves: TaskMoves) -> Iterator[str]:
     if motion is None or motion.number == 0:
         none = "no motion was found" if motion is None else "runs of motion do not agree"
-        return 1, [f"{none}; how many moves are there?"]
-    warnings = ["or their names, e.g. [" + ", ".join(f"move_{n + 1}" for n in range(motion.number)) + "]"]
+        yield f"{none}; how many moves are there?"
+        return
+    if isinstance(moves.primitives, int):
+        yield "or their names, e.g. [" + ", ".join(f"move_{n + 1}" for n in range(moves.primitives)) + "]"
+    if moves.more:
+        yield f"{motion.number} runs of motion; with {moves.more} more moves, without pauses, all can be cut"
+    if moves.flagged:
+        yield f"{moves.flagged} of {moves.tried} demonstrations tried cannot be cut so without a warning"
+    if moves.repeats:
+        return
     others = [f"{name} ({len(motion.counted(name))})" for name in motion.runs if name not in motion.agreeing]
+    if 2 * len(others) > len(motion.runs):
+        yield (
+            f"the number of moves varies: only {len(motion.agreeing)} of {len(motion.runs)} demonstrations "
+            f"have {motion.number}, and no more can be learned from"
+        )
     if others:
-        warnings.append(f"another number of runs: {_listed(others)}; take them out, or `skip_failures: true`")
-    warnings += [
-        f"the hand turns by {turn:.0f} degrees between moves {place} and {place + 1}: a primitive of its "
-        "own, with `axis: between`?"
-        for place, turn in enumerate(motion.turns_deg, 1)
-        if turn > TURN_DEG
-    ]
+        yield f"another number of runs: {_listed(others)}; take them out, or `skip_failures: true`"
+    if isinstance(moves.primitives, int):
+        yield from (
+            f"the hand turns by {turn:.0f} degrees between moves {place} and {place + 1}: a primitive of its "
+            "own, with `axis: between`?"
+            for place, turn in enumerate(motion.turns_deg, 1)
+            if turn > TURN_DEG
+        )
+    else:
+        yield f"`axis: rot`: the hand turns in place, by {OWN_TURN_DEG:.0f} degrees or more"
     for place, alike in enumerate(zip(*(motion.counted(name) for name in motion.agreeing), strict=True), 1):
         if alike[0].short:
             path_length = max(run.path_length for run in alike)
-            warnings.append(
-                f"move {place} is of {1e3 * path_length:.3g} mm at most: idle? then it is one less"
-            )
-    return motion.number, warnings
+            yield f"move {place} is of {1e3 * path_length:.3g} mm at most: idle? then it is one less"
 
 
 def _listed(words: Sequence[str], most: int = 4) -> str:

@@ -26,6 +26,7 @@ from structlearn.tasks.inspection.hand_motion import (
 )
 from structlearn.tasks.inspection.proposal import Proposal, propose
 from structlearn.tasks.inspection.source_survey import FileSeen, SourceSeen, look_at
+from structlearn.tasks.inspection.task_moves import task_moves
 
 FORMATS = {"mcap": "MCAP", "db3": "ROS 2 bag (sqlite3)", "bag": "ROS 1 bag", "table": "table of poses"}
 
@@ -59,11 +60,12 @@ def find_out(source: str, urdf: str | None = None) -> SourceReport:
     candidates = hand_candidates({file.name: file.hands for file in seen.files})
     if not candidates:
         return SourceReport(seen, (), None, None, list(fitness(seen, None, None, ())))
-    motion = survey_motion(candidates[0].paths) if candidates[0].moves else None
-    proposal = propose(seen, candidates[0], candidates[1:], motion)
-    return SourceReport(
-        seen, candidates, motion, proposal, list(fitness(seen, candidates[0], motion, proposal.read))
-    )
+    hand, *others = candidates
+    motion = survey_motion(hand.paths) if hand.moves else None
+    moves = task_moves(hand.paths, motion)
+    proposal = propose(seen, hand, others, motion, moves)
+    answers = list(fitness(seen, hand, motion, proposal.read, moves.repeats))
+    return SourceReport(seen, candidates, motion, proposal, answers)
 
 
 def report_lines(report: SourceReport) -> Iterator[str]:

@@ -3,6 +3,7 @@
 Files are opened one by one; for files that cannot be read the reason is kept, and the others go on.
 """
 
+import re
 from collections.abc import Mapping, Sequence
 from contextlib import suppress
 from itertools import product
@@ -28,6 +29,9 @@ AS_THEY_COME = StampPolicy(clock="header", disorder="sort")
 
 # Types whose messages are decoded; of others, such as camera images, only the topic is listed
 KNOWN = {name for types in READERS.values() for name in types}
+
+# Frames that stand where a robot does: base, base_link, panda_link0, left/ur_base_link
+BASES = re.compile(r"(^|[/_])(base|base_link|link_?0)$", re.IGNORECASE)
 
 
 class TopicSeen(NamedTuple):
@@ -186,24 +190,35 @@ def frame_pairs(
 ) -> list[tuple[str, str]]:
     """Pairs (base, end) of frames, for the ends of the tree whose pose in the base changes.
 
-    The base is the last frame from the root that only static links lead to, since a joint at rest in one
-    recording may move in the next. Frames carried by one that is named like a hand are no ends.
+    The base is the first frame from the root that is named like the base of a robot (`BASES`), since in odom
+    or map the hand moves with the robot; without such a name, the last one that only static links lead to,
+    since a joint at rest in one recording may move in the next. Frames carried by one that is named like a
+    hand are no ends.
     """
     parents = {link.child: link.parent for link in (*static, *moving)}
     children = {link.child for link in moving}
     moves = {link.child for link in moving if link.moves}
     pairs, above = set(), set()
     for end in parents.keys() - set(parents.values()):
-        chain = [end]
-        while chain[-1] in parents and parents[chain[-1]] not in chain:  # a cycle of frames has no root
-            chain.append(parents[chain[-1]])
+        chain = frames_above(end, parents)
         hand = next((place for place, frame in enumerate(chain) if HANDS.search(frame)), 0)
         if moves.intersection(chain[hand:]):
             base = max(place for place, frame in enumerate(chain) if frame in children) + 1
+            named = [place for place, frame in enumerate(chain) if BASES.search(frame) and place > hand]
+            if named and moves.intersection(chain[hand : named[-1]]):
+                base = named[-1]
             pairs.add((chain[base], chain[hand]))
             above |= set(chain[hand + 1 :])
     ends = [pair for pair in pairs if pair[1] not in above]
     return sorted(ends, key=lambda pair: (not HANDS.search(pair[1]), pair[1]))
+
+
+def frames_above(frame: str, parents: Mapping[str, str]) -> list[str]:
+    """A frame and those that carry it, up to the root or, in a cycle of frames, up to the last new one."""
+    chain = [frame]
+    while chain[-1] in parents and parents[chain[-1]] not in chain:
+        chain.append(parents[chain[-1]])
+    return chain
 
 
 def _poses(file: RecordingFile, source: PoseSource) -> Stream:

@@ -80,6 +80,10 @@ def primitives_section(files: TaskFiles) -> Section:
         "jump": max(map(largest_acceleration_jump, sequences.values())),
         "names": list(cuts),
         "turns": "mean_deg" in errors,
+        "learned": min(map(len, cuts.values())),
+        "of": len(runs) + len(files.left_out()),
+        "validated": len(left_out) > 0,
+        "in_base": [one.name for one in primitives if one.position.frame == "world"],
         "spread": reproduction.groupby("primitive", sort=False)["from_mean_mm"].mean().to_dict(),
         "drawn": set(pictures),
         "main": ""
@@ -91,7 +95,10 @@ def primitives_section(files: TaskFiles) -> Section:
         "drawn_of": ceil(len(runs) / DRAWN),
     }
     numbers = fit_metrics(reproduction, own.fit)
-    find = Findings.of_metrics(numbers, tuple(numbers)[:6]).among("recorded movements")
+    headlines = (
+        tuple(numbers)[:6] if len(left_out) else ()
+    )  # a primitive is always near what it was learned from
+    find = Findings.of_metrics(numbers, headlines).among("recorded movements")
     add_distances(find, reproduction, errors, segments)
     tables = {"errors": shown(errors, end_mm=".3f")}
     return Section("primitives", "Primitives", facts=facts, tables=tables, pictures=pictures, find=find)
