@@ -107,7 +107,7 @@ def peer_sepcma() -> Contender:
 
     def error(result: tuple[np.ndarray, np.ndarray]) -> float:
         policies, mean = result
-        best = policies[np.argsort(_costs(policies, 1)[:, 0])[: SAMPLES // 2]]
+        best = policies[np.argsort(_costs(policies, 1)[:, 0], kind="stable")[: SAMPLES // 2]]
         weights = np.log((SAMPLES + 1) / 2) - np.log(np.arange(1, SAMPLES // 2 + 1))
         return abs(weights @ best / weights.sum() - mean).max() / abs(mean).max()
 

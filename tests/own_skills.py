@@ -11,13 +11,13 @@ from rigid_body_robots import FINGERS
 from dissertation.simulation.pick_and_place import MOVES, as_recording, takes
 from structlearn.feedback.models.pmnn import open_loop
 from structlearn.feedback.skill import ReactiveSkill, demonstrated_workspace
-from structlearn.primitives.fitting import FitParameters, learn_sequence
+from structlearn.primitives.fitting import learn_sequence
 from structlearn.readers import synchronise
 from structlearn.tasks.movement import skill_check
 from structlearn.tasks.movement.check_results import SkillCheck
-from structlearn.tasks.movement.parameters import RobotParameters
+from structlearn.tasks.movement.parameters import RobotParameters, TaskFitParameters
 
-FIT = FitParameters(
+FIT = TaskFitParameters(
     smoothing_hz=5.0, kernel_count=25, regression="joint", scaled_axes=(True, False, False), frame="auto"
 )
 HERE = {"position_m": (0.0, 0.0, 0.0), "orientation": (1.0, 0.0, 0.0, 0.0)}

@@ -10,11 +10,11 @@ from conftest import two_move_demonstration
 from structlearn.core import quaternion
 from structlearn.core.errors import InputError
 from structlearn.primitives import sequence
-from structlearn.primitives.fitting import FitParameters, learn_sequence
+from structlearn.primitives.fitting import learn_sequence
 from structlearn.tasks.movement import movement_learning as learning
-from structlearn.tasks.movement.parameters import PARTS
+from structlearn.tasks.movement.parameters import PARTS, TaskFitParameters
 
-FIT = FitParameters(
+FIT = TaskFitParameters(
     smoothing_hz=5.0, kernel_count=10, regression="joint", scaled_axes=(True, False, False), frame="auto"
 )
 

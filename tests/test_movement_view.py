@@ -9,7 +9,6 @@ from viewer_files import colour_of, contents, note
 
 from structlearn.palette import PHASE_PATHS
 from structlearn.primitives.fitting import (
-    FitParameters,
     learn_sequence,
     orientations,
     segment_paths,
@@ -17,11 +16,12 @@ from structlearn.primitives.fitting import (
 )
 from structlearn.tasks.movement import view
 from structlearn.tasks.movement.movement_learning import segmented
+from structlearn.tasks.movement.parameters import TaskFitParameters
 from structlearn.tasks.movement.phase_corrections import phase_networks
 from structlearn.viewer.demonstrations import demonstrations
 from structlearn.viewer.recording import write
 
-FIT = FitParameters(
+FIT = TaskFitParameters(
     smoothing_hz=5.0, kernel_count=10, regression="joint", scaled_axes=(False,) * 3, frame="auto"
 )
 

@@ -27,7 +27,7 @@ def as_tensor(values: np.ndarray) -> Tensor:
 def square_root(values: Tensor) -> Tensor:
     """Square root of positive values, for gradients; not of 0, where it is NaN.
 
-    Digits of torch's sqrt and of others (test_architecture) depend on the processor, by estimates in MKL.
+    Digits of torch's sqrt depend on the processor, by estimates in MKL (`benchmarks/processor_bits.py`).
     """
     return values * values.rsqrt()
 

@@ -30,7 +30,11 @@ class FitParameters(Parameters):
     kernel_count: int = Field(ge=2, le=200)
     regression: Regression
     scaled_axes: tuple[bool, bool, bool]
-    frame: FrameChoice
+
+    @property
+    def frame_choice(self) -> FrameChoice:
+        """Frame in which positions are learned: along the reach, as published (IV.6.1)."""
+        return "reach"
 
 
 REPRODUCTION_ERRORS = ("mean_mm", "max_mm", "end_mm", "mean_deg", "max_deg", "end_deg")
@@ -101,7 +105,7 @@ def learn_primitive(name: str, segments: Sequence[Segment], parameters: FitParam
     positions, turns = zip(*segments, strict=True)
     choice = (parameters.regression, parameters.kernel_count)
     orientation = fit_orientation(orientations(segments), *choice) if any(turns) else None
-    position = fit_position(positions, parameters.scaled_axes, *choice, parameters.frame)
+    position = fit_position(positions, parameters.scaled_axes, *choice, parameters.frame_choice)
     return PosePrimitive(name, position, orientation)
 
 
@@ -172,7 +176,7 @@ def learn_subsets(
     """As `learn_primitive`, from some of the segments at a time, by either regression."""
     positions, turns = zip(*segments, strict=True)
     count = parameters.kernel_count
-    position = fit_position_subsets(positions, parameters.scaled_axes, count, parameters.frame)
+    position = fit_position_subsets(positions, parameters.scaled_axes, count, parameters.frame_choice)
     orientation = fit_orientation_subsets(orientations(segments), count) if any(turns) else None
 
     def fit(used: np.ndarray, method: Regression) -> PosePrimitive:

@@ -11,6 +11,7 @@ from structlearn.feedback.coupling_targets import CorrectionParameters
 from structlearn.feedback.skill_file import SkillParameters
 from structlearn.feedback.trainers import FeedbackNetworkParameters, TrainingParameters
 from structlearn.primitives.fitting import FitParameters
+from structlearn.primitives.position import FrameChoice
 from structlearn.readers.source import ClockParameters, JointPose, Setting, SourceParameters, TopicMap
 from structlearn.segmentation.parameters import SegmentParameters
 
@@ -95,6 +96,17 @@ class TaskSegmentParameters(SegmentParameters):
         return self.ends == "onset"
 
 
+class TaskFitParameters(FitParameters):
+    """Parameters of a task's primitives."""
+
+    frame: FrameChoice
+
+    @property
+    def frame_choice(self) -> FrameChoice:
+        """Frame in which positions are learned."""
+        return self.frame
+
+
 class MovementEntry(SourceParameters):
     """Movements of one task."""
 
@@ -107,7 +119,7 @@ class MovementEntry(SourceParameters):
     segment: TaskSegmentParameters | None
     keep_flagged: bool
     rests: RestParameters | None
-    fit: FitParameters
+    fit: TaskFitParameters
     fold: int = Field(ge=1)
     turns: bool
     traces_hz: float | None = Field(gt=0)
