@@ -37,7 +37,8 @@ def training(folds: int) -> Case:
         return network.coupling(dataset.deviation, dataset.phase, dataset.phase_velocity)
 
     def plain() -> np.ndarray:
-        return [train_module(dataset, fold) for _, fold in jobs][-1]
+        stack = pmnn.StackedPhaseModulatedNetworks(folds, INPUTS, (HIDDEN,), KERNELS, 0.0, seeded(SEED))
+        return [train_module(_initial(stack, place), *job) for place, job in enumerate(jobs)][-1]
 
     expected = ours()
 
@@ -68,14 +69,14 @@ class Module(nn.Module):
         return self.output(modulation * self.scale * self.phase(torch.tanh(self.hidden(deviation))))[:, 0]
 
 
-def train_module(dataset: CouplingDataset, fold: Fold) -> np.ndarray:
+def train_module(module: Module, dataset: CouplingDataset, fold: Fold) -> np.ndarray:
     """Coupling terms (S,) by a module that is trained on a fold."""
     torch.set_num_threads(1)
     mean, deviation = standardisation(dataset.deviation, fold)
     scale = target_scale(dataset.target, fold)
     single = partial(torch.tensor, dtype=torch.float32)
     inputs, modulation = single((dataset.deviation - mean) / deviation), single(dataset.modulation(KERNELS))
-    target, module = single(dataset.target / scale), _initial()
+    target = single(dataset.target / scale)
     optimiser = torch.optim.RMSprop(module.parameters(), PARAMETERS.learning_rate, DECAY, SMALLEST_ROOT)
     rng = np.random.default_rng([SEED, stream(fold.number), 1])
     best, smallest = module.state_dict(), np.inf
@@ -97,17 +98,16 @@ def train_module(dataset: CouplingDataset, fold: Fold) -> np.ndarray:
         return scale * module(inputs, modulation).double().numpy()
 
 
-def _initial() -> Module:
-    """A module with the initial weights of ours."""
-    stack = pmnn.StackedPhaseModulatedNetworks(1, INPUTS, (HIDDEN,), KERNELS, 0.0, seeded(SEED))
+def _initial(stack: pmnn.StackedPhaseModulatedNetworks, place: int) -> Module:
+    """A module with the weights of one network of ours."""
     module = Module()
     with torch.no_grad():
         for layer, weights, biases in zip(
             (module.hidden, module.phase), stack.layers.weights, stack.layers.biases, strict=True
         ):
-            layer.weight.copy_(weights[0].T)
-            layer.bias.copy_(biases[0, 0])
-        module.output.weight.copy_(stack.output_weights[0].T)
+            layer.weight.copy_(weights[place].T)
+            layer.bias.copy_(biases[place, 0])
+        module.output.weight.copy_(stack.output_weights[place].T)
     return module
 
 

@@ -16,14 +16,18 @@ built once, and reads the arrays from there:
 A table is valid in its process, and as long as its arrays exist: whoever keeps it keeps them too.
 """
 
+from collections.abc import Iterator
+from itertools import count
 from typing import Any
 
 import numpy as np
+from numba import types
 from numba.core import cgutils
+from numba.extending import intrinsic
 from numba.np.arrayobj import get_itemsize, make_array, populate_array
 from numba.np.numpy_support import from_dtype
 
-from structlearn.core.compilation import intrinsic, numba, types
+from structlearn.core.compilation import numba
 
 Packable = Any
 """An array, an integer, a float, or a (named) tuple of packable values."""
@@ -46,15 +50,16 @@ def unpacking(example: Packable) -> Any:
     @intrinsic
     def unpacked(context: Any, table: Any) -> tuple[Any, Any]:
         def generate(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
-            words = make_array(signature.args[0])(context, builder, arguments[0]).data
-            return _read(context, builder, kind, _Words(builder, words))
+            first = make_array(signature.args[0])(context, builder, arguments[0]).data
+            words = (builder.load(cgutils.gep_inbounds(builder, first, place)) for place in count())
+            return _read(context, builder, example, words)
 
         return kind(table), generate
 
     return unpacked
 
 
-def _words(value: Packable, example: Packable) -> Any:
+def _words(value: Packable, example: Packable) -> Iterator[int]:
     """Words of a value: per array its address and shape."""
     if type(value) is not type(example):
         raise TypeError(f"a table of {type(example).__name__} was given {type(value).__name__}")
@@ -70,7 +75,7 @@ def _words(value: Packable, example: Packable) -> Any:
         yield value.ctypes.data
         yield from value.shape
     else:
-        yield np.array(value, dtype=type(example)).view(np.int64)
+        yield int(np.array(value, dtype=type(example)).view(np.int64))
 
 
 def _kind(example: Packable) -> Any:
@@ -78,33 +83,21 @@ def _kind(example: Packable) -> Any:
     if isinstance(example, np.ndarray):
         return types.Array(from_dtype(example.dtype), example.ndim, "C")
     if isinstance(example, tuple):
-        kinds = [_kind(part) for part in example]
-        named = hasattr(example, "_fields")
-        return types.NamedTuple(kinds, type(example)) if named else types.Tuple(kinds)
+        named = type(example) if hasattr(example, "_fields") else None
+        return types.BaseTuple.from_types([_kind(part) for part in example], named)
     return numba.typeof(example)
 
 
-class _Words:
-    """The words of a table, one after the other, in code that is being generated."""
-
-    def __init__(self, builder: Any, pointer: Any) -> None:
-        self._builder, self._pointer, self._place = builder, pointer, 0
-
-    def following(self) -> Any:
-        """The next word."""
-        word = self._builder.load(cgutils.gep_inbounds(self._builder, self._pointer, self._place))
-        self._place += 1
-        return word
-
-
-def _read(context: Any, builder: Any, kind: Any, words: _Words) -> Any:
-    """Code that makes a value of a type from the next words."""
-    if isinstance(kind, types.BaseTuple):
-        return context.make_tuple(builder, kind, [_read(context, builder, one, words) for one in kind])
-    if not isinstance(kind, types.Array):
-        word = words.following()
+def _read(context: Any, builder: Any, example: Packable, words: Iterator[Any]) -> Any:
+    """Code that makes a value of the example's type from the next words, in the order of `_words`."""
+    kind = _kind(example)
+    if isinstance(example, tuple):
+        parts = [_read(context, builder, part, words) for part in example]
+        return context.make_tuple(builder, kind, parts)
+    if not isinstance(example, np.ndarray):
+        word = next(words)
         return builder.bitcast(word, context.get_value_type(kind)) if kind is types.float64 else word
-    address, shape = words.following(), [words.following() for _ in range(kind.ndim)]
+    address, shape = next(words), [next(words) for _ in range(kind.ndim)]
     array, itemsize = make_array(kind)(context, builder), cgutils.intp_t(get_itemsize(context, kind))
     strides = [itemsize]
     for length in shape[:0:-1]:

@@ -7,7 +7,7 @@ samples would be too large, so they are split into random bins, each with its ow
 All pairs are needed and edges are short, so points are eliminated one by one along the skin. Eliminating a
 point adds edges between its roughly one hundred neighbours ahead, as long as the path through it, and its row
 of distances is the minimum over the neighbours' rows, each shifted by an edge. Dijkstra's algorithm takes
-twice as long (`benchmarks/run.py --only geodesics`).
+more than twice as long (`benchmarks/run.py --only geodesics`).
 """
 
 from dataclasses import dataclass
