@@ -143,7 +143,11 @@ def leave_one_out(count: int) -> Run:
     paths = demonstrations(count, [SAMPLES + 3 * place for place in range(count)])
     segments = [(path, None) for path in paths]
     parameters = FitParameters(
-        smoothing_hz=5.0, kernel_count=KERNEL_COUNT, regression="joint", scaled_axes=(True, False, False)
+        smoothing_hz=5.0,
+        kernel_count=KERNEL_COUNT,
+        regression="joint",
+        scaled_axes=(True, False, False),
+        frame="auto",
     )
     names = [str(place) for place in range(count)]
     return lambda: primitive_errors("reach", segments, names, parameters, fold=1)

@@ -246,7 +246,8 @@ def _with_turns(demonstration: Demonstration, crossings: Crossings, between: Map
     """Crossings with the rotation outside them; `between`: whether a primitive without an axis precedes."""
     if demonstration.orientation is None:
         return crossings
-    turned, before, final = {}, 0, list(crossings)[-1]
+    turned: dict[str, Crossing] = {}
+    before, final = 0, list(crossings)[-1]
     for name, crossing in crossings.items():
         earlier = 0.0 if between[name] else _turn_deg(demonstration.orientation[before : crossing.start + 1])
         before = crossing.end
