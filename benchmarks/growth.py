@@ -43,12 +43,13 @@ from structlearn.core.artefacts import publish, write_csv
 from structlearn.core.parallel import BACKEND
 from structlearn.palette import CATEGORICAL_COLOURS
 from structlearn.policy_search.pi2 import SearchDistribution, sample, update
-from structlearn.primitives.fitting import FitParameters, primitive_errors
+from structlearn.primitives.fitting import primitive_errors
 from structlearn.primitives.kernels import KERNEL_COUNT
 from structlearn.primitives.vector import fit_vector
 from structlearn.reporting.figure_style import canvas, save, styled
 from structlearn.rigid_body.regressor import torque_regressor
 from structlearn.tactile.latent_models import StackedAutoencoders, latent_losses
+from structlearn.tasks.movement.parameters import TaskFitParameters
 from structlearn.tasks.project import packaged_pipeline, write_project
 
 Run = Callable[[], Any]
@@ -142,7 +143,7 @@ def leave_one_out(count: int) -> Run:
     """Errors of primitives learned from all demonstrations and from all but one, of different lengths."""
     paths = demonstrations(count, [SAMPLES + 3 * place for place in range(count)])
     segments = [(path, None) for path in paths]
-    parameters = FitParameters(
+    parameters = TaskFitParameters(
         smoothing_hz=5.0,
         kernel_count=KERNEL_COUNT,
         regression="joint",
