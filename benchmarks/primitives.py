@@ -59,7 +59,6 @@ def fit_from_positions(count: int) -> Case:
             "mp_pytorch ProDMP": partial(peer_mp_pytorch.fit, paths, mean),
             **alone,
         },
-        tolerance=0.05,
         note="all begin with positions; ours with its low-pass, derivatives and features of this length; "
         "movement_primitives and pydmps differentiate without a low-pass, ProDMP needs no derivatives; "
         f"pydmps has {peer_pydmps.KERNELS} kernels, since it fits each alone",
