@@ -24,12 +24,13 @@ from dissertation.simulation.pick_and_place import (
 from structlearn.core import quaternion
 from structlearn.core.parallel import parallel_map
 from structlearn.readers.bag_recording import to_metadata
-from structlearn.readers.demonstration import Kind, Stream
+from structlearn.readers.demonstration import Kind, Recording, Stream
 from structlearn.readers.messages import joint_messages, to_messages
-from structlearn.readers.raw_messages import write_bag
+from structlearn.readers.raw_messages import RawMessages, write_bag
 from structlearn.rigid_body.urdf import urdf_path
 
 POSE, JOINTS, WRENCH = "/gripper/pose", "/joint_states", "/wrist/wrench"
+TOPICS = {"pose": POSE, "joint_states": [JOINTS], "wrench": WRENCH}
 FINGERS = ["panda_finger_joint1", "panda_finger_joint2"]
 PAUSES_S = 0.9  # mean pause or rest, of which there is one more than moves
 CAPTURE_M, GRAVITY = 0.0003, 9.81  # m, std of the pose per axis
@@ -39,15 +40,25 @@ KNOT_S = 0.05  # s between the samples whose joint angles are solved for; others
 def write_lab(folder: Path, count: int, seconds: float, rate_hz: float, moves: int = 5) -> None:
     """Write so many bags of about so many seconds, `001.mcap` and on; existing ones are kept."""
     folder.mkdir(parents=True, exist_ok=True)
-    hand = GuidingHand(seconds / moves - PAUSES_S * (moves + 1) / moves, 0.0, 0.05, 0.05, 0.3)
     missing = [number for number in range(1, count + 1) if not (folder / f"{number:03d}.mcap").exists()]
-    write = partial(_write, folder=folder, hand=hand, rate_hz=rate_hz, moves=moves)
+    write = partial(_write, folder=folder, seconds=seconds, rate_hz=rate_hz, moves=moves)
     parallel_map(write, missing, "bags")
 
 
-def _write(number: int, folder: Path, hand: GuidingHand, rate_hz: float, moves: int) -> None:
+def _write(number: int, folder: Path, seconds: float, rate_hz: float, moves: int) -> None:
+    recording, topics = demonstration(number, seconds, rate_hz, moves)
+    unfinished = folder / f".{number:03d}"
+    write_bag(unfinished, to_metadata(recording), topics.items())
+    unfinished.rename(folder / f"{number:03d}.mcap")
+
+
+def demonstration(
+    number: int, seconds: float, rate_hz: float, moves: int = 5
+) -> tuple[Recording, dict[str, RawMessages]]:
+    """What is known of a demonstration, which is drawn by its number, and its messages by topic."""
+    hand = GuidingHand(seconds / moves - PAUSES_S * (moves + 1) / moves, 0.0, 0.05, 0.05, 0.3)
     (take,) = takes(number, moves, 1, hand=hand)
-    (name, recording), rng = (f"{number:03d}", as_recording(take)), np.random.default_rng(number)
+    name, rng = f"{number:03d}", np.random.default_rng(number)
     time = np.arange(0.0, take.time[-1], 1.0 / rate_hz)
     stamps = number * 10**12 + np.round(1e9 * time).astype(np.int64)
     position = _at(time, take, take.position) + CAPTURE_M * rng.standard_normal((len(time), 3))
@@ -57,14 +68,11 @@ def _write(number: int, folder: Path, hand: GuidingHand, rate_hz: float, moves: 
     force[:, 2] = -GRAVITY * _at(time, take, take.load[:, None])[:, 0]
     force += FORCE_N * rng.standard_normal(force.shape) * [1, 1, 1, 0.1, 0.1, 0.1]
     pose = Stream(POSE, "pose", stamps, np.hstack([position, turn]))
-    topics = {
+    return as_recording(take), {
         POSE: to_messages(name, pose),
         JOINTS: joint_messages(name, names, stamps, joints),
         WRENCH: to_messages(name, Stream(WRENCH, "wrench", stamps, force)),
     }
-    unfinished = folder / f".{name}"
-    write_bag(unfinished, to_metadata(recording), topics.items())
-    unfinished.rename(folder / f"{name}.mcap")
 
 
 def _at(time: np.ndarray, take: Take, values: np.ndarray) -> np.ndarray:
@@ -97,5 +105,4 @@ def _joints(take: Take, time: np.ndarray) -> tuple[list[str], dict[Kind, np.ndar
 
 def entry(bags: Path, moves: int, **others: Any) -> dict[str, Any]:
     """Entry of a task on such bags."""
-    topics = {"pose": POSE, "joint_states": JOINTS, "wrench": WRENCH}
-    return {"source": str(bags), "topics": topics, "segment": {"primitives": list(MOVES[moves])}, **others}
+    return {"source": str(bags), "topics": TOPICS, "segment": {"primitives": list(MOVES[moves])}, **others}

@@ -72,8 +72,8 @@ def draw_and_update() -> Case:
             "cmaes SepCMA": peer_sepcma,
         },
         tolerance=TOLERANCE,
-        note="costs of one time step; all but cma's full covariance learn variances. Costs over time come "
-        "with when each weight acts, which no other search can be told. Samples until the mean follows "
+        note="costs of one time step; all but cma's full covariance learn variances. Both of our searches "
+        "are told when each weight acts, which no other can be. Samples until the mean follows "
         f"a path of {AXES} axes with {GOAL:g} of the cost at the start, median of {SEARCHED} seeds: {needed}",
     )
 

@@ -8,19 +8,20 @@ from functools import cache
 from pathlib import Path
 
 import numpy as np
-from made_up_bags import RATE_HZ, TOPICS, topics
+from made_up_lab import TOPICS, demonstration
 from mcap.records import Schema
 from mcap.well_known import SchemaEncoding
 from timing import Case, Contender
 
-from dissertation.simulation.pick_and_place import session, takes, write_takes
-from structlearn.readers import Recording, read_recording
+from dissertation.simulation.pick_and_place import session, write_takes
+from structlearn.readers import read_recording
 from structlearn.readers.bag_recording import to_metadata
 from structlearn.readers.messages import definition
 from structlearn.readers.raw_messages import RawMessages, write_bag
 from structlearn.readers.source import TopicMap
 
 REPEATS = 3
+SECONDS, RATE_HZ = 60.0, 1000.0
 CAMERA_HZ, PICTURE_BYTES = 5.0, 3 * 640 * 480
 
 
@@ -32,9 +33,8 @@ def reading() -> Case:
 
 def reading_large() -> Case:
     """A minute at 1 kHz (180 000 messages) beside a camera, which nobody asks for but everybody unpacks."""
-    (take,) = takes(seed=1, moves=5, count=1)
-    messages = {**topics(take), "/camera": _camera(topics(take)[TOPICS["pose"]].log_times)}
-    about = Recording(take.name, (), None, {"origin": "simulated"})
+    about, messages = demonstration(1, SECONDS, RATE_HZ)
+    messages["/camera"] = _camera(messages[TOPICS["pose"]].log_times)
     write_bag(path := _folder() / "large.mcap", to_metadata(about), messages.items())
     return _case(path, "three topics of 1 kHz beside a camera")
 

@@ -115,7 +115,7 @@ def test_pages_are_short_and_name_only_files_that_are_there(reduced_project, tes
 
 @pytest.mark.skipif(not same_libraries(), reason="promised for x86-64 with AVX2 and glibc 2.36")
 def test_every_processor_gives_the_same_bits(reduced_project):
-    """Those of whoever ran `python -m reduced_pipeline` last, on a processor of another kind."""
+    """Digests were committed by whoever ran `python -m reduced_pipeline` last, maybe on another processor."""
     assert digests(reduced_project) == read_digests()
 
 

@@ -14,7 +14,7 @@ from structlearn.core.errors import MissingInputError
 from structlearn.palette import PLATE_CORNERS, place_colours
 from structlearn.readers.touch_log import TouchLog
 from structlearn.tactile.pressed_skin import held_out
-from structlearn.tasks.touch import skin_force, skin_readings
+from structlearn.tasks.touch import skin_force, skin_readings, skin_within_runs
 from structlearn.tasks.touch import touch_names as names
 from structlearn.tasks.touch.learning import learn_touch, table_of
 from structlearn.tasks.touch.skin_section import SkinRuns, find_skin
@@ -162,6 +162,11 @@ def test_lags_and_forces_are_found(learned):
     network = tables["published"].set_index("quantity")["network_rms"]
     assert network["place_mm"].isna().all()
     assert network["force_n"].max() < 3.0
+    ratios = tables["rivals"].groupby("run")["over_network"]
+    assert set(ratios.size()) == {skin_within_runs.TENTHS}
+    whole = tables["published"].dropna().set_index("run")
+    whole = whole["rms"] / whole["network_rms"]  # a mean of its tenths, each weighed by the network's error
+    assert ((ratios.min() < whole) & (whole < ratios.max())).all()
 
 
 def test_a_scale_that_says_too_little_is_left_aside(capsys):
@@ -235,6 +240,7 @@ def made_up():
         "published": published.assign(
             seen="counts", rms=0.1, readings=200, spread=5.0, network_rms=[np.nan, 0.2, 0.2]
         ).assign(network_training_rms=[np.nan, 0.1, 0.1]),
+        "rivals": pd.DataFrame({"run": np.repeat(["c", "e"], 3), "over_network": [0.4, 0.5, 0.6] * 2}),
     }
     return SkinRuns(tables, ("a",))
 

@@ -139,8 +139,8 @@ def read_arrow(path: str | Path) -> "pyarrow.Table":
 def open_arrow(path: str | Path) -> Iterator["pyarrow.parquet.ParquetFile"]:
     """Open a Parquet file of this project, to read some columns, row groups, or its metadata.
 
-    Only reading calls belong in the body. Raises InputError: it is damaged, which
-    pages tell when they are read.
+    Only reading calls belong in the body. Raises InputError: it is damaged; damage to pages shows when they
+    are read.
     """
     import pyarrow.parquet
 

@@ -59,8 +59,8 @@ def learn_touch(
     Returns:
         Skins by the recording that each was learned from, or `TOGETHER`. Tables that have rows, by name:
         `recordings` (`gathered`), `errors`, `map` and `maps` (`place_errors`, on blocks held out and on other
-        runs), `servo`, `paths` (`servo_trials`), `force`, `lags`, `traces` (`force_errors`), `published`
-        (`within_runs`).
+        runs), `servo`, `paths` (`servo_trials`), `force`, `lags`, `traces` (`force_errors`), `published`,
+        `rivals` (`within_runs`).
 
     Raises:
         InputError: recordings differ in their channels, nothing touches, places are not known, or a channel
@@ -91,7 +91,8 @@ def learn_touch(
         if parameters.servo is not None:
             collect(("servo", "paths"), servo_trials, across, "servoing")
         if parameters.published is not None:
-            parts["published"] = [within_runs(logs, parameters.published)]
+            compared = within_runs(logs, parameters.published)
+            parts |= {name: [table] for name, table in zip(("published", "rivals"), compared, strict=True)}
         if parameters.force is not None:
             one_skin = [log for log in weighed if log.channels == logs[0].channels]
             forces = force_errors(one_skin, parameters.force, parameters.rival_samples)

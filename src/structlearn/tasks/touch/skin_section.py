@@ -190,10 +190,12 @@ def find_skin(runs: SkinRuns) -> Findings:
                 runs.numbers.get(row.run, row.run): (row.rms, row.readings) for row in figures.itertuples()
             }
             find.among("readings at the end of a run").exact(f"within_run_{quantity}", cases)
-        forces = runs["published"].dropna(subset="network_rms")
-        ratios = zip(forces["rms"] / forces["network_rms"], forces["readings"], strict=True)
-        missing = "no run is on a scale"
-        find.exact("over_network", dict(zip(forces["run"], ratios, strict=True)) or None, missing=missing)
+        ratios = runs["rivals"].groupby("run")["over_network"] if "rivals" in runs.tables else ()
+        find.among("tenths of the end of a run").geometric_mean(
+            "over_network",
+            {run: ratio.to_numpy() for run, ratio in ratios} or None,
+            missing="no run is on a scale",
+        )
     return find
 
 

@@ -21,18 +21,23 @@ NETWORK = {"hidden_layer_sizes": (128, 128), "batch_size": 64, "learning_rate_in
 RECENT_S = ((0.0, 0.2), (0.8, 1.2), (2.6, 3.4), (5.5, 6.5))
 MEAN_OF = 7  # times in such a span, whose counts are averaged against noise
 
+TENTHS = 10
+"""Stretches of a run's end, over which errors are compared: successive readings are not independent."""
 
-def within_runs(logs: Sequence[TouchLog], published: PublishedErrors) -> pd.DataFrame:
+
+def within_runs(logs: Sequence[TouchLog], published: PublishedErrors) -> tuple[pd.DataFrame, pd.DataFrame]:
     """Errors of a Gaussian process, and of forces by the authors' network, on the end of each run.
 
     A run whose channels differ from the first run's is of two skins, and its force is a shear force. Inputs
     of the process (`PLACE_INPUTS`, `FORCE_INPUTS`) are chosen per run, on the end of the training part.
 
-    Returns `run`, `quantity` (`place_mm`, `force_n`, `shear_n`), `seen` (the inputs), `rms`, the number of
-    `readings` tested on, their standard deviation in the run, `spread`, and the network's `network_rms` and
-    `network_training_rms` (NaN for places).
+    Returns:
+        `run`, `quantity` (`place_mm`, `force_n`, `shear_n`), `seen` (the inputs), `rms`, the number of
+        `readings` tested on, their standard deviation in the run, `spread`, and the network's `network_rms`
+        and `network_training_rms` (NaN for places).
+        `run` and `over_network`, the rms force error over the network's, of each tenth of the end.
     """
-    rows, share = [], published.first_share
+    rows, rivals, share = [], [], published.first_share
     for log in logs:
         kept, quantity, wanted = np.full(len(log.counts), True), "place_mm", log.place
         if log.force is not None:
@@ -53,10 +58,20 @@ def within_runs(logs: Sequence[TouchLog], published: PublishedErrors) -> pd.Data
         best = min(tried, key=lambda name: tried[name])
         missed = _end_errors(seen[best], wanted, share, alike)
         spread = np.sqrt(np.var(wanted, axis=0).sum())
-        network = _network_errors(log, end, published.epochs) if alike else (np.nan, np.nan)
-        rows.append((log.name, quantity, best, np.sqrt(np.mean(missed**2)), len(missed), spread, *network))
+        network = (np.nan, np.nan)
+        if alike:
+            theirs = _network_errors(log, end, published.epochs)
+            network = rms(theirs[end:]), rms(theirs[:end])
+            tenths = zip(*(np.array_split(errors, TENTHS) for errors in (missed, theirs[end:])), strict=True)
+            rivals += [(log.name, rms(ours) / rms(other)) for ours, other in tenths]
+        rows.append((log.name, quantity, best, rms(missed), len(missed), spread, *network))
     names = ["run", "quantity", "seen", "rms", "readings", "spread", "network_rms", "network_training_rms"]
-    return pd.DataFrame(rows, columns=names)
+    return pd.DataFrame(rows, columns=names), pd.DataFrame(rivals, columns=["run", "over_network"])
+
+
+def rms(errors: np.ndarray) -> float:
+    """Root mean square of errors (N,)."""
+    return float(np.sqrt(np.mean(errors**2)))
 
 
 def _end_errors(seen: np.ndarray, wanted: np.ndarray, share: float, alike: bool) -> np.ndarray:
@@ -73,8 +88,8 @@ def _end_errors(seen: np.ndarray, wanted: np.ndarray, share: float, alike: bool)
     return np.linalg.norm(read(signals[end:]) - wanted[end:], axis=1)
 
 
-def _network_errors(log: TouchLog, end: int, epochs: int) -> tuple[float, float]:
-    """Rms force errors in N of the authors' network after the first `end` readings of the scale, and on them.
+def _network_errors(log: TouchLog, end: int, epochs: int) -> np.ndarray:
+    """Force errors (R,) in N of the authors' network at all readings of the scale, of which it knows `end`.
 
     As theirs, it learns from all samples of the skin, each with the nearest reading of the scale. Units are
     those of the training part alone, while theirs are those of the whole run.
@@ -85,9 +100,7 @@ def _network_errors(log: TouchLog, end: int, epochs: int) -> tuple[float, float]
     known = np.arange(weighed[end - 1] + 1)
     nearest = np.rint(np.interp(log.time[known], log.time[weighed[:end]], np.arange(end))).astype(int)
     read = authors_network(log.counts[known], log.force[weighed[nearest]], epochs)
-    missed = read(log.counts[weighed]) - log.force[weighed]
-    rms = [float(np.sqrt(np.mean(part**2))) for part in (missed[end:], missed[:end])]
-    return rms[0], rms[1]
+    return read(log.counts[weighed]) - log.force[weighed]
 
 
 def authors_network(known: np.ndarray, wanted: np.ndarray, epochs: int) -> Estimate:
