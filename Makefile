@@ -8,7 +8,7 @@ DATA ?= data/public
 # The caller's Python must not decide which packages run here: `setup.bash` of ROS sets PYTHONPATH.
 unexport PYTHONPATH PYTHONHOME
 
-.PHONY: help repro test docs lint recorded own-example bench profile studies studies-check other-processor verdicts faults kills upsets view plot-page clean
+.PHONY: help repro test docs lint recorded own-example bench profile studies studies-check verdicts faults kills upsets view plot-page clean
 
 help:
 	@grep -hE '^[a-z -]+:.*## ' $(MAKEFILE_LIST) | sed -E 's/^([a-z -]+):.*## /\1\t/' | expand -t 18
@@ -99,10 +99,6 @@ studies-check: $(INSTALLED)  ## repeat one cell of each study and compare it wit
 	$(IN_ENVIRONMENT) $(STUDY_TABLES) --code
 	cells=$$(cd data/studies && ls -d $(or $(NAME),*/*)/* | sed 's|/|_|; s|/|@|') || exit 0; \
 	  cd stages/studies && $(IN_ENVIRONMENT) dvc commit --force $$cells
-
-# The whole pipeline with the instructions of another processor: no verdict may depend on it.
-other-processor: $(INSTALLED)  ## run the pipeline with the instruction set of an older processor and compare verdicts
-	$(IN_ENVIRONMENT) python benchmarks/other_processor.py
 
 # Verdicts and files of the pipeline that differ from the last commit.
 verdicts: $(INSTALLED)  ## list verdicts and files that differ from the last commit

@@ -37,8 +37,6 @@ class Check(Parameters):
 
     cell: str
     commit: str  # of the code
-    processor: str
-    exact: bool  # whether all digits were compared; otherwise within `study_tables.TOLERANCE`
     compared: int  # numbers
     different: list[str]  # quantities with differences
 
@@ -114,8 +112,6 @@ def provenance(study: Study) -> str:
     if again is None:
         return f"{words}, not repeated since"
     outcome = f"{', '.join(again.different)} differ" if again.different else "equal"
-    if not again.exact and not again.different:
-        outcome = "on average within 5 % of a standard deviation on another processor"
     return f"{words}; cell {again.cell} repeated by {again.commit}: {again.compared} numbers, {outcome}"
 
 

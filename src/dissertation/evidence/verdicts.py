@@ -1,8 +1,7 @@
-"""Compare the verdicts of two runs: of the working tree and a commit, or of two processors.
+"""Compare the verdicts of two runs, of the working tree and of a commit.
 
-Libraries choose kernels by processor, so sums round differently, and results of training and simulation
-diverge. What matters is whether a verdict changes; it may at most become undecided. Rows that quote a study
-are the same on both sides and are counted separately.
+What matters is whether a verdict changes; it may at most become undecided. Rows that quote a study are the
+same on both sides and are counted separately.
 """
 
 from collections.abc import Mapping
@@ -11,8 +10,6 @@ import numpy as np
 import pandas as pd
 
 from dissertation.evidence.claims import UNDECIDED
-from dissertation.evidence.judged_page import TEMPLATES, JudgedDocument
-from structlearn.reporting.document import Table, render
 
 KEYS = ["testbed", "set", "by", "statement", "case"]
 """Columns that identify a row; `set` is only filled in tables with several data sets."""
@@ -49,19 +46,6 @@ def changes(table: pd.DataFrame) -> list[str]:
         f"{one.verdict_here} -> {one.verdict_there} ({one.here} -> {one.there})"
         for one in changed.itertuples()
     ]
-
-
-def other_processor_page(table: pd.DataFrame, settings: Mapping[str, str], machine: str) -> str:
-    """Page on `compared` as HTML; `settings`: environment variables that emulate another processor."""
-    counts = {outcome: int((table["outcome"] == outcome).sum()) for outcome in OUTCOMES}
-    table = table.drop(columns=[name for name in ("set", "by") if not table[name].astype(bool).any()])
-    changed = table[table["outcome"].isin([MARGIN, FLIPPED])].drop(columns="outcome").reset_index(drop=True)
-    digits = table[table["outcome"] == DIGITS].drop(columns=["outcome", "verdict_here", "verdict_there"])
-    facts: dict[str, object] = {"counts": counts, "settings": settings, "machine": machine}
-    facts["changed"] = Table(changed, headings={name: name.replace("_", " ") for name in changed})
-    facts["digits"] = Table(digits.reset_index(drop=True))
-    page = JudgedDocument("other_processor.html.jinja", TEMPLATES, facts=facts, simulated=True)
-    return render(page, figures={})
 
 
 def _rows(tables: Mapping[str, pd.DataFrame], name: str) -> pd.DataFrame:

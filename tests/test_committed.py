@@ -1,4 +1,4 @@
-"""Verdicts of two processors: other digits are no other verdict, undecided is none either."""
+"""Verdicts of two runs: other digits are no other verdict, undecided is none either."""
 
 import shutil
 import subprocess
@@ -17,7 +17,6 @@ from dissertation.evidence.verdicts import (
     SAME,
     changes,
     compared,
-    other_processor_page,
 )
 from structlearn.reporting.evidence import Evidence
 
@@ -47,8 +46,6 @@ def test_only_another_verdict_counts_as_one(row, outcome):
     table = compared({"toy": HERE}, {"toy": there}).set_index("statement")
     assert table.loc["b", "outcome"] == outcome
     assert set(table.drop(index=["b", "another"], errors="ignore")["outcome"]) == {SAME}
-    page = other_processor_page(table.reset_index(), {"VARIABLE": "value"}, "a machine")
-    assert "<code>VARIABLE=value</code>" in page
 
 
 def test_rows_quoted_from_a_study_are_not_counted_as_run(tmp_path):
