@@ -55,13 +55,14 @@ def dynamics_section(files: TaskFiles) -> Section:
     parameters = files.entry(MotionParameters)
     first, *_ = read_task_logs(files.recorded / "logs.parquet", parameters).values()
     tables = files.tables("motion")
+    impossible = tables["impossible"]["text"].tolist() if "impossible" in tables else []
     if not parameters.structures:
         return Section(
             "motion",
             "Torques compared with the URDF",
             "torque_check.html.jinja",
             lead="torque_check_lead.html.jinja",
-            facts={"origin": first.provenance},
+            facts={"origin": first.provenance, "impossible": impossible},
             find=check_findings(tables),
             tables={name: shown(tables[name]) for name in ("payload_torques", "payloads")}
             | {"motion_gravity": _gravity(tables["gravity"])},
@@ -71,7 +72,7 @@ def dynamics_section(files: TaskFiles) -> Section:
     return Section(
         "motion",
         "The arm's dynamics",
-        facts=motion_facts(results) | {"urdf": urdf, "origin": first.provenance},
+        facts=motion_facts(results) | {"urdf": urdf, "origin": first.provenance, "impossible": impossible},
         find=motion_findings(results),
         tables=motion_tables(results),
         pictures=motion_figures(results),
