@@ -14,6 +14,7 @@ import numpy as np
 from structlearn.core.errors import InputError
 from structlearn.readers.clock import at_row
 from structlearn.readers.demonstration import Series, columns_of, each_series, write_series
+from structlearn.readers.joint_streams import JointSeries
 
 UNITS = {
     "stamps": "ns",
@@ -93,6 +94,18 @@ class PartedLog(JointLog):
     inertial: np.ndarray
     coriolis: np.ndarray  # including centrifugal torques
     gravity: np.ndarray
+
+
+def unusable_efforts(joints: JointSeries) -> str:
+    """Why dynamics cannot be learned from the joint states of a robot; empty if they can be."""
+    efforts = joints.values.get("joint_torques")
+    if efforts is None:
+        return "there are no efforts, or all are NaN"
+    if not np.nan_to_num(efforts).any():
+        return "all efforts are 0" if np.isfinite(efforts).all() else "all efforts are 0 or NaN"
+    if not np.ptp(np.nan_to_num(efforts), axis=0).any():
+        return "no effort changes"
+    return "" if "joint_velocities" in joints.values else "there are no velocities"
 
 
 Log = TypeVar("Log", JointLog, DriveLog, PartedLog)

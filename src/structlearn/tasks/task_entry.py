@@ -11,6 +11,8 @@
 A part (`PARTS`) that an entry does not name is null, whatever its defaults.
 """
 
+import re
+from collections.abc import Callable, Sequence
 from contextlib import suppress
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -59,6 +61,47 @@ def read_entries(file: Path = ENTRIES) -> dict[str, Entry]:
                 raise InputError(f"{file}: {kind}.{name}: the name is taken: {entries[name].kind}")
             entries[name] = Entry(kind, entry)
     return entries
+
+
+def add_entry(kind: str, name: str, proposed: Callable[[], list[str]], file: Path = ENTRIES) -> None:
+    """Add an entry to a file, with all else as it was written, and publish it.
+
+    `proposed`: gives the entry's YAML lines, indented by two blanks; is only called for a name that is free.
+
+    Raises InputError: as `read_entries`; or the name is invalid or taken, or the file changed meanwhile.
+    """
+    if not is_name(name):
+        raise InputError(f"{name!r}: {NAME_RULE}")
+    entries = read_entries(file)
+    if name in entries:
+        raise InputError(f"{file}: {entries[name].kind}.{name}: there is such a task already")
+    before = file.read_text(encoding="utf-8")
+    lines = proposed()
+    text = _with_entry(before, kind, lines)
+    added = yaml.safe_load("\n".join([f"{kind}:", *lines]))
+    if text is None or yaml.safe_load(text) != merged(yaml.safe_load(before) or {}, added):
+        raise InputError(f"{file}: {kind}: is not written line by line, so nothing can be added below it")
+    if file.read_text(encoding="utf-8") != before:
+        raise InputError(f"{file}: changed meanwhile; run it again")
+    with publish(file) as target:
+        target.write_text(text, encoding="utf-8")
+
+
+def _with_entry(text: str, kind: str, entry: Sequence[str]) -> str | None:
+    """Text of an entries file with a further entry at the end of its kind; None if it cannot be."""
+    lines = text.splitlines()
+    heading = re.compile(rf"{re.escape(kind)}:\s*(\{{\s*\}})?\s*(#.*)?$")
+    starts = [place for place, line in enumerate(lines) if heading.match(line)]
+    if not starts:
+        return "\n".join([*lines, "", f"{kind}:", *entry, ""])
+    start = starts[0]
+    lines[start] = re.sub(r"\{\s*\}", "", lines[start], count=1).rstrip()
+    inside = [place for place in range(start + 1, len(lines)) if re.match(r"\s+[^\s#]", lines[place])]
+    after = next((place for place in range(start + 1, len(lines)) if re.match(r"[^\s#]", lines[place])), None)
+    inside = [place for place in inside if after is None or place < after]
+    indent = re.match(r"\s*", lines[inside[0]]).group() if inside else "  "  # type: ignore[union-attr]
+    end = inside[-1] + 1 if inside else start + 1
+    return "\n".join([*lines[:end], *(f"{indent}{line[2:]}" for line in entry), *lines[end:], ""])
 
 
 def model(file: Path, kind: Any) -> type[SourceParameters]:

@@ -6,6 +6,7 @@ random trajectories. Obstacles around the robot are not considered.
 """
 
 import re
+import shlex
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
@@ -76,7 +77,8 @@ def design_trajectory(task: str | None, urdf: str, locked: Sequence[str]) -> Non
     )
     facts = {"urdf": urdf, "name": name, "seconds": times[-1], "links": links, "samples": len(times)}
     facts["noise"] = 100 * parameters.noise_share
-    facts["command"] = f"structlearn excite {f'--task {task}' if task else f'--urdf {urdf}'}"
+    words = ["--task", task] if task else ["--urdf", urdf, *(("--lock", *locked) if locked else ())]
+    facts["command"] = shlex.join(["structlearn", "excite", *words])
     publish_excitation(REPORTS / name, facts, joints, gains, (times, motion), parameters)
     write_csv(trajectory_table(robot, times, motion), REPORTS / name / "trajectory.csv")
     gain, kept = gains["gain"].median(), " ".join(joints["kept"])
