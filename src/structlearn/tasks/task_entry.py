@@ -14,6 +14,7 @@ A part (`PARTS`) that an entry does not name is null, whatever its defaults.
 import re
 from collections.abc import Callable, Sequence
 from contextlib import suppress
+from itertools import takewhile
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -77,9 +78,12 @@ def add_entry(kind: str, name: str, proposed: Callable[[], list[str]], file: Pat
         raise InputError(f"{file}: {entries[name].kind}.{name}: there is such a task already")
     before = file.read_text(encoding="utf-8")
     lines = proposed()
-    text = _with_entry(before, kind, lines)
-    added = yaml.safe_load("\n".join([f"{kind}:", *lines]))
-    if text is None or yaml.safe_load(text) != merged(yaml.safe_load(before) or {}, added):
+    text, added = _with_entry(before, kind, lines), yaml.safe_load("\n".join([f"{kind}:", *lines]))
+    try:
+        unharmed = yaml.safe_load(text) == merged(yaml.safe_load(before) or {}, added)
+    except yaml.YAMLError:
+        unharmed = False
+    if not unharmed:
         raise InputError(f"{file}: {kind}: is not written line by line, so nothing can be added below it")
     if file.read_text(encoding="utf-8") != before:
         raise InputError(f"{file}: changed meanwhile; run it again")
@@ -87,20 +91,18 @@ def add_entry(kind: str, name: str, proposed: Callable[[], list[str]], file: Pat
         target.write_text(text, encoding="utf-8")
 
 
-def _with_entry(text: str, kind: str, entry: Sequence[str]) -> str | None:
-    """Text of an entries file with a further entry at the end of its kind; None if it cannot be."""
-    lines = text.splitlines()
-    heading = re.compile(rf"{re.escape(kind)}:\s*(\{{\s*\}})?\s*(#.*)?$")
-    starts = [place for place, line in enumerate(lines) if heading.match(line)]
-    if not starts:
+def _with_entry(text: str, kind: str, entry: Sequence[str]) -> str:
+    """Text of an entries file with a further entry at the end of its kind, if it is written in lines."""
+    lines = text.rstrip("\n").split("\n")
+    heading = re.compile(rf"{re.escape(kind)}:\s*({{\s*}})?\s*(#.*)?$")
+    start = next((place for place, line in enumerate(lines) if heading.match(line)), None)
+    if start is None:
         return "\n".join([*lines, "", f"{kind}:", *entry, ""])
-    start = starts[0]
-    lines[start] = re.sub(r"\{\s*\}", "", lines[start], count=1).rstrip()
-    inside = [place for place in range(start + 1, len(lines)) if re.match(r"\s+[^\s#]", lines[place])]
-    after = next((place for place in range(start + 1, len(lines)) if re.match(r"[^\s#]", lines[place])), None)
-    inside = [place for place in inside if after is None or place < after]
-    indent = re.match(r"\s*", lines[inside[0]]).group() if inside else "  "  # type: ignore[union-attr]
-    end = inside[-1] + 1 if inside else start + 1
+    lines[start] = re.sub(r"{\s*}", "", lines[start], count=1)
+    below = takewhile(lambda line: not re.match(r"[^\s#]", line), lines[start + 1 :])
+    inside = [place for place, line in enumerate(below, start + 1) if re.match(r"\s+[^\s#]", line)]
+    first, end = lines[inside[0]] if inside else entry[0], inside[-1] + 1 if inside else start + 1
+    indent = first[: len(first) - len(first.lstrip())]
     return "\n".join([*lines[:end], *(f"{indent}{line[2:]}" for line in entry), *lines[end:], ""])
 
 
