@@ -7,14 +7,16 @@ Stages exchange logs as tables; a robot's own log is a bag (`bag_recording.read_
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field, fields
 from pathlib import Path
-from typing import TypeVar
+from typing import TYPE_CHECKING, TypeVar
 
 import numpy as np
 
 from structlearn.core.errors import InputError
 from structlearn.readers.clock import at_row
 from structlearn.readers.demonstration import Series, columns_of, each_series, write_series
-from structlearn.readers.joint_streams import JointSeries
+
+if TYPE_CHECKING:
+    from structlearn.readers.joint_streams import JointSeries
 
 UNITS = {
     "stamps": "ns",
@@ -96,7 +98,7 @@ class PartedLog(JointLog):
     gravity: np.ndarray
 
 
-def unusable_efforts(joints: JointSeries) -> str:
+def unusable_efforts(joints: "JointSeries") -> str:
     """Why dynamics cannot be learned from the joint states of a robot; empty if they can be."""
     efforts = joints.values.get("joint_torques")
     if efforts is None:
