@@ -26,6 +26,7 @@ def arm(tmp_path):
 
 KNOWN = '<limit lower="-2.9" upper="2.9" velocity="2" effort="80"/>'
 UNKNOWN = '<limit lower="-2.9" upper="2.9" velocity="0" effort="0"/>'
+HUGE = '<limit lower="-2.9" upper="2.9" velocity="1e9" effort="1e9"/>'
 
 
 def log(**changed) -> JointLog:
@@ -38,7 +39,7 @@ def log(**changed) -> JointLog:
     return made
 
 
-@pytest.mark.parametrize("limit", [KNOWN, UNKNOWN])
+@pytest.mark.parametrize("limit", [KNOWN, UNKNOWN, HUGE])
 @pytest.mark.parametrize(
     ("signal", "value", "words"),
     [
@@ -87,6 +88,17 @@ def test_many_impossible_samples_are_refused(arm, signal, factor):
     made = replace(made, **{signal: factor * getattr(made, signal)})
     with pytest.raises(InputError, match=r"log_2: row \d+ .*joint 'lift'.* % may be left out: is it in"):
         possible_samples(arm(KNOWN), {"log_2": made})
+
+
+def test_garbage_beside_zeros_is_found_without_a_limit(arm):
+    made = replace(log(), torques=np.zeros((COUNT, 1)))
+    made.torques[[3, 4]] = 1.8e237
+    kept, table = possible_samples(arm(UNKNOWN), {"log_2": made})
+    assert not kept["log_2"].torques.any()
+    assert "effort of joint 'lift' is 1.8e+237 N m, more than any arm has (and 1 more)" in table["text"][0]
+    made.torques[:100] = 1.8e237
+    with pytest.raises(InputError, match="10 % of its samples are as far off"):
+        possible_samples(arm(UNKNOWN), {"log_2": made})
 
 
 def test_currents_are_not_compared_with_limits_of_torque(arm):
