@@ -57,7 +57,8 @@ def check_urdf(path: str | Path, locked: Sequence[str]) -> None:
         _check_joint(joint, f"{path}: joint '{name}'")
         if joint.find("mimic") is not None and name not in locked:
             raise InputError(
-                f"{path}: joint '{name}': it follows another one (<mimic>), so `locked_joints` has to name it"
+                f"{path}: joint '{name}': it follows another one (<mimic>), so it has to be named in "
+                "`locked_joints`, or after --lock"
             )
     for link in root.findall("link"):
         inertial = link.find("inertial")
