@@ -7,7 +7,8 @@ import pytest
 from rigid_body_robots import joint, link
 
 from structlearn.core.errors import InputError
-from structlearn.readers.joint_log import DriveLog, JointLog, signals_of
+from structlearn.readers.joint_log import DriveLog, JointLog, signals_of, unusable_efforts
+from structlearn.readers.joint_streams import JointSeries
 from structlearn.rigid_body.log_limits import possible_samples
 from structlearn.rigid_body.robot import Robot, read_urdf
 
@@ -81,12 +82,13 @@ def test_what_exceeds_a_limit_a_little_stays(arm, signal, value):
 
 
 @pytest.mark.parametrize(
-    ("signal", "factor"), [("positions", 57.3), ("torques", 1000.0), ("velocities", 57.3)]
+    ("signal", "factor", "unit"),
+    [("positions", 57.3, "rad, not degrees"), ("torques", 1e3, "N m"), ("velocities", 57.3, "rad/s, not")],
 )
-def test_many_impossible_samples_are_refused(arm, signal, factor):
+def test_many_impossible_samples_are_refused(arm, signal, factor, unit):
     made = log()
     made = replace(made, **{signal: factor * getattr(made, signal)})
-    with pytest.raises(InputError, match=r"log_2: row \d+ .*joint 'lift'.* % may be left out: is it in"):
+    with pytest.raises(InputError, match=rf"log_2: row \d+ .*'lift'.* % may be left out: is it in {unit}"):
         possible_samples(arm(KNOWN), {"log_2": made})
 
 
@@ -111,3 +113,24 @@ def test_currents_are_not_compared_with_limits_of_torque(arm):
     assert possible_samples(arm(KNOWN), {"log": drive})[1].empty
     drive.currents[3] = 1e9
     assert possible_samples(arm(KNOWN), {"log": drive})[1]["samples"].tolist() == [1]
+
+
+MOVING = np.sin(np.arange(6.0)).reshape(3, 2)
+
+
+@pytest.mark.parametrize(
+    ("efforts", "reason"),
+    [
+        (MOVING, ""),
+        (MOVING * [1.0, np.nan], ""),  # of a gripper that measures none
+        (None, "there are no efforts, or all are NaN"),
+        (np.zeros((3, 2)), "all efforts are 0"),
+        (np.zeros((3, 2)) * [1.0, np.nan], "all efforts are 0 or NaN"),
+        (np.full((3, 2), 5.0), "no effort changes"),
+    ],
+)
+def test_efforts_are_looked_at_before_identification_is_offered(efforts, reason):
+    values = {"joint_positions": MOVING, "joint_velocities": MOVING}
+    values |= {} if efforts is None else {"joint_torques": efforts}
+    series = JointSeries("/joint_states", ("lift", "finger"), 0, np.arange(3), values)
+    assert unusable_efforts(series) == reason

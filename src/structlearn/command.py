@@ -78,8 +78,8 @@ def new(given: argparse.Namespace) -> None:
         text = "\n".join(["", f"{given.kind}:", *entry, ""])
         project.write_project(target, HEADER + text, project.packaged_pipeline())
     _begin(folder)
-    entries, place = (shlex.quote(str(path)) for path in (folder / project.ENTRIES, folder))
-    print(f"{folder}: look at {entries}, then: cd {place} && structlearn run")
+    written, place = (shlex.quote(str(path)) for path in (folder / project.ENTRIES, folder))
+    print(f"{folder}: look at {written}, then: cd {place} && structlearn run")
 
 
 def add(given: argparse.Namespace) -> None:
