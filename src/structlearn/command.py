@@ -95,17 +95,14 @@ def _entry(given: argparse.Namespace, name: str) -> list[str]:
 
     Paths in it are absolute, since it may be read in another folder.
     """
-    source, urdf = home_path(given.source), given.urdf
-    if not source.exists():
+    source, urdf = _absolute(given.source), given.urdf and _absolute(given.urdf)
+    if not Path(source).exists():
         raise InputError(f"{given.source}: no such file or folder")
-    source = source.resolve()
     if urdf and given.kind not in ("movement", "motion"):
         raise InputError(f"--urdf: tasks of kind {given.kind} have no robot")
-    if urdf and home_path(urdf).is_file():
-        urdf = str(home_path(urdf).resolve())
     if given.kind == "movement":
         return _proposed(source, urdf, name)
-    values = {"source": str(source)}
+    values = {"source": source}
     if given.kind == "motion":
         _check_motion(source, urdf)
         values["urdf"] = urdf
@@ -113,10 +110,15 @@ def _entry(given: argparse.Namespace, name: str) -> list[str]:
     return [f"  {line}" for line in text.splitlines()]
 
 
-def _proposed(source: Path, urdf: str | None, name: str) -> list[str]:
+def _absolute(path: str) -> str:
+    """Absolute path of a file or folder that exists; others, such as files of `pybullet_data`, as written."""
+    return str(home_path(path).resolve()) if home_path(path).exists() else path
+
+
+def _proposed(source: str, urdf: str | None, name: str) -> list[str]:
     from structlearn.tasks.inspection.recordings_report import as_yaml, find_out
 
-    report = find_out(str(source), urdf)
+    report = find_out(source, urdf)
     if report.proposal is None:
         reasons = [f"{file}: {why}" for file, why in report.seen.damaged.items()]
         reasons += [answer.advice for answer in report.answers if answer.verdict == "no" and answer.advice]
@@ -127,7 +129,7 @@ def _proposed(source: Path, urdf: str | None, name: str) -> list[str]:
     return as_yaml(report.proposal._replace(name=name))
 
 
-def _check_motion(source: Path, urdf: str | None) -> None:
+def _check_motion(source: str, urdf: str | None) -> None:
     """Raise InputError if there is no robot, or joint states that dynamics cannot be learned from."""
     from structlearn.readers.joint_log import unusable_efforts
     from structlearn.rigid_body.urdf import urdf_path
@@ -136,7 +138,7 @@ def _check_motion(source: Path, urdf: str | None) -> None:
     if not urdf:
         raise InputError("an arm is identified with its URDF: give --urdf FILE")
     urdf_path(urdf)
-    for topic, joints in look_at(str(source)).arms():
+    for topic, joints in look_at(source).arms():
         if reason := unusable_efforts(joints):
             raise InputError(f"{source}: topic '{topic}': the arm cannot be identified: {reason}")
 
@@ -235,7 +237,7 @@ def inspect(given: argparse.Namespace) -> None:
     """Show the contents of recordings and their suitability, and propose an entry."""
     from structlearn.tasks.inspection.recordings_report import inspect_source
 
-    inspect_source(given.source, given.urdf, given.output)
+    inspect_source(_absolute(given.source), given.urdf and _absolute(given.urdf), given.output)
 
 
 def excite(given: argparse.Namespace) -> None:
