@@ -138,9 +138,10 @@ def _check_motion(source: str, urdf: str | None) -> None:
     if not urdf:
         raise InputError("an arm is identified with its URDF: give --urdf FILE")
     urdf_path(urdf)
-    for topic, joints in look_at(source).arms():
-        if reason := unusable_efforts(joints):
-            raise InputError(f"{source}: topic '{topic}': the arm cannot be identified: {reason}")
+    for file in look_at(source).files:  # a hand beside the arm may measure no efforts
+        reasons = [unusable_efforts(joints) for seen in file.topics.values() for joints in seen.joints]
+        if reasons and all(reasons):
+            raise InputError(f"{source}: {file.name}: the arm cannot be identified: {reasons[0]}")
 
 
 def _begin(folder: Path) -> None:
