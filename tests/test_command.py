@@ -1,10 +1,13 @@
 """The command `structlearn`: a project of one's own, away from a clone."""
 
 import runpy
+import shlex
+import shutil
 import sys
 import tempfile
 from pathlib import Path
 
+import numpy as np
 import pytest
 import yaml
 from committed import ROOT, SETS
@@ -12,14 +15,18 @@ from dvc.utils.serialize import parse_yaml
 from hypothesis import assume, given
 from hypothesis import strategies as st
 from import_graph import SOURCES, packages
+from rigid_body_robots import joint, link
 
 from dissertation.recorded import sets_project as recorded
 from dissertation.simulation.pick_and_place import takes, write_takes
 from structlearn import __version__, command
 from structlearn.core import code_digests
+from structlearn.core.errors import InputError
 from structlearn.core.params import read_values
+from structlearn.readers.bag_recording import write_joint_log
+from structlearn.readers.joint_log import JointLog
 from structlearn.tasks import project
-from structlearn.tasks.task_entry import read_entries, read_task, targets
+from structlearn.tasks.task_entry import add_entry, read_entries, read_task, targets
 from structlearn.tasks.task_files import is_name
 
 FRAME_RATES = ("-5", "0", "201", "2000000000")
@@ -47,6 +54,119 @@ def test_a_new_project_has_an_entry_a_pipeline_and_a_repository_of_its_own(lab, 
     assert targets() == [f"{stage}@pour" for stage in [*stages, "view_movement"]]
     assert (lab / ".dvc/config").exists()
     assert "/data/tasks" in (lab / ".gitignore").read_text()
+
+
+ENTRIES = """\
+# my tasks
+movement:   # of hands
+    pour:
+        source: a  # kept
+        segment: {primitives: [reach]}
+    # none below
+
+touch: {}
+motion: {arm: {source: log.csv, urdf: arm.urdf}}
+"""
+
+
+@pytest.mark.parametrize("kind", ["movement", "touch", "obstacles"])
+def test_an_entry_is_added_below_its_kind_and_all_else_stays_as_it_was(tmp_path, kind):
+    file = tmp_path / "structlearn.yaml"
+    file.write_text(ENTRIES)
+    add_entry(kind, "wipe", lambda: ["  wipe:", "    source: 'Käthe & 1'", "    repeats: auto"], file)
+    text, wipe = file.read_text(), {"source": "Käthe & 1", "repeats": "auto"}
+    before = yaml.safe_load(ENTRIES)
+    assert yaml.safe_load(text) == before | {kind: (before.get(kind) or {}) | {"wipe": wipe}}
+    kept = [line for line in ENTRIES.splitlines() if line and line != "touch: {}"]
+    assert [line for line in text.splitlines() if line in kept] == kept
+
+
+@pytest.mark.parametrize(
+    ("kind", "name", "message"),
+    [
+        ("movement", "pour", "movement.pour: there is such a task already"),
+        ("touch", "arm", "motion.arm: there is such a task already"),
+        ("movement", "Wipe it", "'Wipe it': a task's name has"),
+        ("motion", "other", "motion: is not written line by line"),
+    ],
+)
+def test_what_cannot_be_added_leaves_the_file_alone(tmp_path, kind, name, message):
+    file = tmp_path / "structlearn.yaml"
+    file.write_text(ENTRIES)
+    with pytest.raises(InputError, match=message):
+        add_entry(kind, name, lambda: [f"  {name}:", "    source: b"], file)
+    assert file.read_text() == ENTRIES
+
+
+def test_a_task_is_added_as_a_new_one_is_proposed(lab, bags, tmp_path, monkeypatch, capsys):
+    shutil.copy(lab / "structlearn.yaml", tmp_path)
+    monkeypatch.chdir(tmp_path)
+    command.main(["add", "wipe", "--from", str(bags)])
+    assert capsys.readouterr().out.endswith(
+        "structlearn.yaml: look at movement.wipe, then: structlearn run wipe\n"
+    )
+    entries = yaml.safe_load(Path("structlearn.yaml").read_text())["movement"]
+    assert entries["wipe"] == entries["pour"]
+    assert read_task("wipe").source == str(bags)
+
+
+AWKWARD = "Käthe's R&D <1>"
+
+
+def test_what_is_printed_can_be_pasted_and_paths_are_written_as_they_are(tmp_path, monkeypatch, capsys):
+    place = tmp_path / AWKWARD
+    (place / "logs").mkdir(parents=True)
+    (place / "arm.urdf").write_text(f'<robot name="r"><link name="base"/>{link("a")}{HINGE}</robot>')
+    write_joint_log(wave(np.sin), place / "logs/1.mcap")
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setattr(command, "_begin", lambda folder: None)
+    words = ["--from", f"{AWKWARD}/logs", "--urdf", f"{AWKWARD}/arm.urdf"]
+    command.main(["new", f"{AWKWARD}/arm", "--kind", "motion", *words])
+    pasted = capsys.readouterr().out.rpartition("then: ")[2].strip()
+    assert shlex.split(pasted) == ["cd", f"{AWKWARD}/arm", "&&", "structlearn", "run"]
+    text = Path(AWKWARD, "arm/structlearn.yaml").read_text(encoding="utf-8")
+    assert str(place / "logs") in text.replace("''", "'")
+    assert yaml.safe_load(text)["motion"]["arm"] == {
+        "source": str(place / "logs"),
+        "urdf": str(place / "arm.urdf"),
+    }
+
+
+HINGE = joint("hinge", "revolute", "base", "a")
+
+
+def wave(torque) -> JointLog:
+    t = 0.01 * np.arange(300)
+    signals = (shape(t)[:, None] for shape in (np.sin, np.cos, torque))
+    return JointLog("log", ("hinge",), (1e9 * t).astype(np.int64), *signals)
+
+
+@pytest.mark.parametrize(
+    ("torque", "urdf", "message"),
+    [
+        (np.zeros_like, "arm.urdf", "the arm cannot be identified: all efforts are 0"),
+        (np.ones_like, "arm.urdf", "the arm cannot be identified: no effort changes"),
+        (np.sin, "", "an arm is identified with its URDF: give --urdf FILE"),
+        (np.sin, "other.urdf", "there is no file 'other.urdf'"),
+    ],
+)
+def test_an_arm_that_cannot_be_identified_gets_no_project(
+    tmp_path, monkeypatch, capsys, torque, urdf, message
+):
+    monkeypatch.chdir(tmp_path)
+    Path("arm.urdf").write_text(f'<robot name="r"><link name="base"/>{link("a")}{HINGE}</robot>')
+    Path("logs").mkdir()
+    write_joint_log(wave(torque), "logs/1.mcap")
+    words = ["new", "arm", "--kind", "motion", "--from", "logs", *(["--urdf", urdf] if urdf else [])]
+    with pytest.raises(SystemExit):
+        command.main(words)
+    assert message in capsys.readouterr().err
+    assert not Path("arm").exists()
+
+
+def test_the_examples_are_where_the_command_says(capsys):
+    command.main(["examples"])
+    assert {file.name for file in Path(capsys.readouterr().out.strip()).iterdir()} > {"learn_from_bags.py"}
 
 
 def test_its_stages_run_from_the_package(lab, monkeypatch):

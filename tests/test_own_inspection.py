@@ -343,7 +343,7 @@ def test_a_bag_without_a_path_of_a_hand_has_no_entry(tmp_path, capsys, name):
     text = capsys.readouterr().out
     assert words in text
     assert "No entry can be proposed" in text
-    assert ("URDF=" in text) == (name == "joints")
+    assert ("--urdf FILE" in text) == (name == "joints")
     assert not (tmp_path / "entry.yaml").exists()
 
 

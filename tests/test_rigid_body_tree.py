@@ -15,7 +15,14 @@ from structlearn.rigid_body.inertia_parameters import link_inertias, sample_para
 from structlearn.rigid_body.motion import Motion
 from structlearn.rigid_body.robot import Robot, read_urdf
 from structlearn.rigid_body.tree import joint_order
-from structlearn.rigid_body.urdf import counterparts, moving_joints, tips, urdf_path, write_urdf
+from structlearn.rigid_body.urdf import (
+    counterparts,
+    moving_joints,
+    require_velocities,
+    tips,
+    urdf_path,
+    write_urdf,
+)
 
 BODY = link("moved")
 HINGE = joint("hinge", "revolute", "base", "moved")
@@ -84,10 +91,11 @@ BAD_FILES = [
     (file(body='<link name="moved"/>'), "link that joint 'hinge' moves has no mass: <inertial> is absent or"),
     (heavy(0), "link that joint 'hinge' moves has no mass: <inertial> is absent or zero"),
     (heavy(-2), "link 'moved': mass -2 kg is negative"),
-    (heavy("heavy"), "link 'moved': mass: a value is missing or no number"),
-    (heavy("nan"), "link 'moved': mass: a value is not finite"),
+    (heavy("heavy"), "link 'moved': inertial mass value='heavy' is not a finite number"),
+    (heavy("nan"), "link 'moved': inertial mass value='nan' is not a finite number"),
+    (file(body=BODY.replace(' value="1.0"', "")), "link 'moved': <mass> lacks value"),
     (file(body='<link name="moved"><inertial/></link>'), "link 'moved': <inertial> lacks <mass>"),
-    (file(body=BODY.replace('ixy="0.001"', "")), "link 'moved': inertia: a value is missing or no number"),
+    (file(body=BODY.replace('ixy="0.001"', "")), "link 'moved': <inertia> lacks ixy"),
     (
         file(body=BODY.replace('ixx="0.03"', 'ixx="-0.03"')),
         "link that joint 'hinge' moves has no positive definite inertia",
@@ -95,8 +103,9 @@ BAD_FILES = [
     (hinged(""), "joint 'hinge': <limit> lacks lower, upper, velocity, effort"),
     (hinged('<limit lower="-1" upper="1" effort="1"/>', "prismatic"), "<limit> lacks velocity"),
     (hinged(LIMIT.format(1, -1, 1)), "joint 'hinge': lower limit 1 is not below the upper limit -1"),
-    (hinged(LIMIT.format(-1, 1, 0)), "joint 'hinge': velocity limit 0 is not positive"),
-    (hinged(LIMIT.format("x", 1, 1)), "joint 'hinge': a value is missing or no number"),
+    (hinged(LIMIT.format(-1, 1, -1)), "joint 'hinge': velocity limit -1 is negative"),
+    (hinged(LIMIT.format("x", 1, 1)), "joint 'hinge': limit lower='x' is not a finite number"),
+    (hinged(LIMIT.format(-170, 170, 1)), "joint 'hinge': limits -170 and 170 are in rad: degrees?"),
     (hinged("", "floating"), "joint 'hinge': type 'floating' is not supported"),
     (hinged(GOOD, axis="0 0 0"), "joint 'hinge': the axis is zero"),
     (hinged(f'{GOOD}<mimic joint="other"/>'), "joint 'hinge': it follows another one (<mimic>)"),
@@ -112,6 +121,55 @@ def test_bad_files_are_one_message(tmp_path, content, message):
         path.write_text(content)
     with pytest.raises(InputError, match=re.escape(f"{path}: ") + ".*" + re.escape(message)):
         read_urdf(path)
+
+
+PLACED = BODY + link("tool", 1.2) + joint("bolt", "fixed", "moved", "tool", origin='xyz="0 0 1" rpy="0 0 0"')
+# attribute as in the file, its element in messages, and how many numbers it has
+NUMERIC = [
+    ('rpy="0 0 0"', "origin rpy", 3),
+    ('xyz="0 0 1"', "origin xyz", 3),
+    ('xyz="0.05 -0.02 0.1"', "inertial origin xyz", 3),
+    ('axis xyz="0 0 1"', "axis xyz", 3),
+    ('value="1.2"', "inertial mass value", 1),
+    ('ixy="0.001"', "inertial inertia ixy", 1),
+    ('effort="50"', "limit effort", 1),
+    ('velocity="3"', "limit velocity", 1),
+    ('upper="2"', "limit upper", 1),
+]
+
+
+@pytest.mark.parametrize("text", ["", "1,57", "nan", "1e999", "${pi}", "1_0", "0x1", "1.0 kg"])
+@pytest.mark.parametrize(("attribute", "where", "count"), NUMERIC)
+def test_an_attribute_that_is_not_made_of_numbers_is_named(tmp_path, attribute, where, count, text):
+    """Pinocchio drops such an inertial, and with it the mass of a tool."""
+    name = attribute.partition("=")[0]
+    bad, content = f"{text} 0 0" if count == 3 else text, file(body=PLACED)
+    assert content.count(attribute) >= 1
+    path = tmp_path / "arm.urdf"
+    path.write_text(content.replace(attribute, f'{name}="{bad}"'))
+    wanted = "3 finite numbers" if count == 3 else "a finite number"
+    with pytest.raises(InputError, match=re.escape(f"{where}='{bad}' is not {wanted}")):
+        read_urdf(path)
+
+
+@pytest.mark.parametrize("blank", ["\t", "\n", "  "])
+def test_numbers_may_be_separated_by_any_blanks(tmp_path, blank):
+    body = link("moved", centre=blank.join(["0.05", "-0.02", "0.1"])).replace('"1.0"', f'"1.0{blank}"')
+    inertias = read_urdf(write(tmp_path, body=body)).inertias
+    np.testing.assert_allclose([inertias.mass[0], *inertias.first_moment[0]], [1.0, 0.05, -0.02, 0.1])
+
+
+def test_what_dynamics_do_not_need_is_not_checked(tmp_path):
+    """Undeclared prefixes in blocks for simulators, shapes, and limits of 0 for none."""
+    shape = '<visual><origin xyz="0,1 0 0"/><geometry><box size="1"/></geometry></visual>'
+    more = '<gazebo reference="moved"><sensor:camera name="rgb"/></gazebo>'
+    hinge = joint("hinge", "revolute", "base", "moved", limit=LIMIT.format(-1, 1, 0).replace('"1"/', '"0"/'))
+    path = write(tmp_path, body=BODY.replace("</link>", f"{shape}</link>"), hinge=hinge, more=more)
+    robot, target = read_urdf(path), tmp_path / "identified.urdf"
+    write_urdf(path, target, robot.tree, robot.inertias)
+    np.testing.assert_allclose(read_urdf(target).inertias.mass, robot.inertias.mass)
+    with pytest.raises(InputError, match="joint 'hinge': velocity limit 0 is not positive"):
+        require_velocities(path, robot.tree)
 
 
 def test_a_joint_is_locked_once_and_is_there(tmp_path):

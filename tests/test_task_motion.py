@@ -151,6 +151,28 @@ def test_the_written_urdf_holds_what_was_found(several):
     assert np.abs(base.values(again.inertias) - true).max() < 0.1
 
 
+def test_impossible_efforts_change_nothing_but_a_remark(several, tmp_path):
+    """Three samples of 1e6 N m on an arm whose URDF says 50 would decide the whole fit."""
+    logs = [made_up_log(arm()[0], f"log {seed}", seed) for seed in range(3)]
+    torques = logs[1].torques.copy()
+    torques[[500, 900, 1500], logs[1].joints.index("lift")] = 1e6
+    results = identified(tmp_path, [logs[0], replace(logs[1], torques=torques), logs[2]])
+    (text,) = results.impossible["text"]
+    assert text == (
+        "log 1: row 500 (stamp 6.000000000 s): effort of joint 'lift' is 1e+06 N m, more than 2 times the "
+        "URDF's limit of 50 N m (and 2 more)"
+    )
+    keys = ["model", "friction", "part", "joint"]
+    clean, found = (one.errors.set_index(keys)["nmse"].sort_index() for one in (several[0], results))
+    np.testing.assert_allclose(found, clean, rtol=0.05, atol=1e-4)
+    assert not hasattr(several[0], "impossible")
+    nearly_all = replace(logs[1], torques=1e3 * logs[1].torques)
+    with pytest.raises(
+        InputError, match=r"log 1: row \d+ .* % may be left out: is it in N m, and is the limit"
+    ):
+        identified(tmp_path, [logs[0], nearly_all])
+
+
 def test_gravity_that_the_driver_takes_out_is_told(several, tmp_path):
     results, _ = several
     holds = results.gravity.set_index("name")["holds"]

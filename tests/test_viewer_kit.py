@@ -5,6 +5,7 @@ import numpy as np
 import pytest
 import rerun as rr
 from committed import committed
+from rigid_body_robots import joint, link
 from viewer_files import DT, ONLY_POSITION, PRIMITIVES, contents, demonstration, values, verify, view_names
 
 from structlearn.core.errors import InputError
@@ -14,6 +15,7 @@ from structlearn.primitives.fitting import FitParameters, learn_primitive, segme
 from structlearn.segmentation.parameters import SegmentParameters
 from structlearn.segmentation.segments import cut
 from structlearn.viewer import items, views
+from structlearn.viewer.arms import sticks
 from structlearn.viewer.demonstrations import demonstrations as demonstrated
 from structlearn.viewer.diagram import Diagram, tick_step
 from structlearn.viewer.primitives import primitives as unrolled
@@ -125,3 +127,15 @@ def test_every_colour_can_be_seen(colour):
     if colour != WHITE:
         assert luminance("#ffffff") / luminance(colour) >= 3.0
     assert luminance(colour) / luminance("#" + bytes(views.GROUND).hex()) >= 3.0
+
+
+def test_an_arm_is_shown_without_what_simulators_add(tmp_path):
+    """A sensor's undeclared XML prefix, which rerun refuses."""
+    sensor = '<gazebo reference="arm"><sensor:camera name="rgb"/></gazebo>'
+    hinge = joint("hinge", "revolute", "base", "arm")
+    robot = f'<robot name="r"><link name="base"/>{link("arm")}{hinge}{sensor}</robot>'
+    (tmp_path / "arm.urdf").write_text(robot)
+    times, angles = np.array([0.0, 1.0]), np.zeros((2, 1))
+    shown, length = sticks("arm", tmp_path / "arm.urdf", ["hinge"], times, angles, (BLUE, OCHRE))
+    assert length == pytest.approx(np.linalg.norm([0.1, 0.2, 0.3]))
+    assert any("hinge" in item.path for item in shown)

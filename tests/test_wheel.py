@@ -47,6 +47,9 @@ def test_recordings_become_a_checked_skill_without_a_clone(environment, root, tm
     file, *paths = run(tmp_path, environment / "bin/python", "-c", show_paths).splitlines()
     assert Path(file).is_relative_to(environment)
     assert str(root / "src") not in paths
+    examples = Path(run(tmp_path, environment / "bin/structlearn", "examples").strip())
+    assert examples.is_relative_to(environment.resolve())
+    assert (examples / "learn_from_bags.py").exists()
 
     bags, lab, command = tmp_path / "bags", tmp_path / "pour", environment / "bin/structlearn"
     bags.mkdir()
@@ -66,5 +69,8 @@ def test_the_wheel_has_every_source_and_data_file(wheel, root):
     there = {file.relative_to(root / "src").as_posix() for file in files if file.suffix != ".pyc"}
     with zipfile.ZipFile(wheel) as archive:
         packed = {name for name in archive.namelist() if ".dist-info/" not in name}
-    assert packed == there
+    share, shared = "share/structlearn/examples/", {name for name in packed if ".data/" in name}
+    assert packed - shared == there
+    examples = {file.name for file in (root / "examples").glob("*.*")}
+    assert {name.partition(share)[2] for name in shared} == examples
     assert wheel.stat().st_size < 1e6

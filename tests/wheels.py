@@ -29,7 +29,8 @@ def run(folder, *words, code: int = 0) -> str:
 def build(root: Path, folder: Path) -> Path:
     """The wheel, built from a copy of its sources, since building writes beside them."""
     unwanted = shutil.ignore_patterns("__pycache__", "*.egg-info")
-    shutil.copytree(root / "src", folder / "src", symlinks=True, ignore=unwanted)
+    for part in ("src", "examples"):
+        shutil.copytree(root / part, folder / part, symlinks=True, ignore=unwanted)
     for part in ("pyproject.toml", "README.md", "LICENSE"):
         shutil.copy(root / part, folder)
     run(folder, *PIP, "wheel", *OFFLINE, "--no-build-isolation", "--wheel-dir", folder, folder)

@@ -3,10 +3,12 @@
     structlearn inspect ~/bags              contents of recordings, and whether they are suitable
     structlearn new pour --from ~/bags      a folder pour/ with an entry proposed from recordings
     cd pour && structlearn run              cuts, primitives, feedback, skill: reports/tasks/pour/index.html
+    structlearn add wipe --from ~/wipes     a further entry in the project's structlearn.yaml
     structlearn check pour                  can the robot follow the skill? (`robot:` in the entry)
     structlearn view pour                   the recordings in 3-D
     structlearn export pour                 the demonstrations as a LeRobotDataset
     structlearn excite --urdf arm.urdf      an excitation trajectory for identifying an arm
+    structlearn examples                    where the example scripts are
 
 Recordings are ROS bags (.mcap, .db3, .bag), tables of poses (.csv, .parquet) or LeRobotDatasets. A project
 has its entries in `structlearn.yaml`, its pipeline in `dvc.yaml`, and its own git and DVC repositories. An
@@ -23,11 +25,13 @@ entry overrides `structlearn defaults`, for example
 
 import argparse
 import os
+import shlex
 import shutil
 import subprocess
 import sys
 import tempfile
 from collections.abc import Callable, Sequence
+from importlib.metadata import files as files_of
 from pathlib import Path
 
 import yaml
@@ -46,6 +50,8 @@ HEADER = """\
 # `structlearn defaults` prints. `structlearn run` runs all tasks, `structlearn run NAME` one.
 """
 
+EXAMPLES = "share/structlearn/examples"  # in an installation, see pyproject.toml
+
 
 def main(words: list[str] | None = None) -> None:
     """Run one of the commands; on invalid input, print one line and exit with code 1."""
@@ -63,34 +69,79 @@ def new(given: argparse.Namespace) -> None:
         raise InputError(f"{folder}: already exists and is not empty")
     if entries := project.entries_above(folder):
         raise InputError(
-            f"{folder}: is inside of a project; add an entry to {entries}, or choose another place"
+            f"{folder}: is inside of a project; add an entry to {entries} by `structlearn add`, or choose "
+            "another place"
         )
-    source = home_path(given.source)
-    if not source.exists():
-        raise InputError(f"{given.source}: no such file or folder")
-    entry = _entry(given, name, source.resolve())
+    entry = _entry(given, name)
     with publish(folder) as target:
         target.mkdir()
         text = "\n".join(["", f"{given.kind}:", *entry, ""])
         project.write_project(target, HEADER + text, project.packaged_pipeline())
     _begin(folder)
-    print(f"{folder}: look at {folder / project.ENTRIES}, then: cd {folder} && structlearn run")
+    written, place = (shlex.quote(str(path)) for path in (folder / project.ENTRIES, folder))
+    print(f"{folder}: look at {written}, then: cd {place} && structlearn run")
 
 
-def _entry(given: argparse.Namespace, name: str, source: Path) -> list[str]:
-    """YAML lines of the entry below its kind; movements include what the recordings suggest."""
-    if given.kind != "movement":
-        values = {"source": str(source)} | ({"urdf": given.urdf} if given.urdf else {})
-        return [f"  {line}" for line in yaml.safe_dump({name: values}, sort_keys=False).splitlines()]
+def add(given: argparse.Namespace) -> None:
+    """Add a task to the project's entries, proposed from recordings."""
+    from structlearn.tasks.task_entry import add_entry
+
+    add_entry(given.kind, given.name, lambda: _entry(given, given.name))
+    print(f"{project.ENTRIES}: look at {given.kind}.{given.name}, then: structlearn run {given.name}")
+
+
+def _entry(given: argparse.Namespace, name: str) -> list[str]:
+    """YAML lines of the entry below its kind; movements include what the recordings suggest.
+
+    Paths in it are absolute, since it may be read in another folder.
+    """
+    source, urdf = _absolute(given.source), given.urdf and _absolute(given.urdf)
+    if not Path(source).exists():
+        raise InputError(f"{given.source}: no such file or folder")
+    if urdf and given.kind not in ("movement", "motion"):
+        raise InputError(f"--urdf: tasks of kind {given.kind} have no robot")
+    if given.kind == "movement":
+        return _proposed(source, urdf, name)
+    values = {"source": source}
+    if given.kind == "motion":
+        _check_motion(source, urdf)
+        values["urdf"] = urdf
+    text = yaml.safe_dump({name: values}, sort_keys=False, allow_unicode=True, width=float("inf"))
+    return [f"  {line}" for line in text.splitlines()]
+
+
+def _absolute(path: str) -> str:
+    """Absolute path of a file or folder that exists; others, such as files of `pybullet_data`, as written."""
+    return str(home_path(path).resolve()) if home_path(path).exists() else path
+
+
+def _proposed(source: str, urdf: str | None, name: str) -> list[str]:
     from structlearn.tasks.inspection.recordings_report import as_yaml, find_out
 
-    report = find_out(str(source), given.urdf)
+    report = find_out(source, urdf)
     if report.proposal is None:
-        reasons = "; ".join(f"{file}: {why}" for file, why in report.seen.damaged.items())
-        raise InputError(f"{source}: no stream could be the pose of a hand{reasons and ': '}{reasons}")
+        reasons = [f"{file}: {why}" for file, why in report.seen.damaged.items()]
+        reasons += [answer.advice for answer in report.answers if answer.verdict == "no" and answer.advice]
+        why = f": {'; '.join(reasons)}" if reasons else ""
+        raise InputError(f"{source}: no stream could be the pose of a hand{why}")
     for answer in report.answers:
         print(f"{answer.verdict:12} {answer.question} {answer.number}")
     return as_yaml(report.proposal._replace(name=name))
+
+
+def _check_motion(source: str, urdf: str | None) -> None:
+    """Raise InputError if there is no robot, or joint states that dynamics cannot be learned from."""
+    from structlearn.readers.joint_log import unusable_efforts
+    from structlearn.rigid_body.urdf import urdf_path
+    from structlearn.tasks.inspection.source_survey import look_at
+
+    if not urdf:
+        raise InputError("an arm is identified with its URDF: give --urdf FILE")
+    urdf_path(urdf)
+    for file in look_at(source).files:  # a hand beside the arm may measure no efforts
+        reasons = [unusable_efforts(joints) for seen in file.topics.values() for joints in seen.joints]
+        if reasons and all(reasons):
+            raise InputError(f"{source}: {file.name}: the arm cannot be identified: {reasons[0]}")
 
 
 def _begin(folder: Path) -> None:
@@ -171,6 +222,13 @@ def _require_movement(task: str) -> None:
         raise InputError(f"{project.ENTRIES}: {kind}.{task}: is not a movement")
 
 
+def examples(given: argparse.Namespace) -> None:
+    """Print the folder of the example scripts."""
+    installed = [file for file in files_of("structlearn") or () if EXAMPLES in file.as_posix()]
+    clone = Path(project.__file__).parents[3] / "examples"
+    print(Path(str(installed[0].locate())).resolve().parent if installed else clone)
+
+
 def defaults(given: argparse.Namespace) -> None:
     """Print the keys of an entry with units and defaults."""
     print(project.DEFAULTS.read_text(encoding="utf-8"), end="")
@@ -180,7 +238,7 @@ def inspect(given: argparse.Namespace) -> None:
     """Show the contents of recordings and their suitability, and propose an entry."""
     from structlearn.tasks.inspection.recordings_report import inspect_source
 
-    inspect_source(given.source, given.urdf, given.output)
+    inspect_source(_absolute(given.source), given.urdf and _absolute(given.urdf), given.output)
 
 
 def excite(given: argparse.Namespace) -> None:
@@ -238,13 +296,19 @@ def _arguments(words: list[str] | None) -> argparse.Namespace:
         subparser.set_defaults(do=do)
         return subparser
 
+    def proposed(subparser: argparse.ArgumentParser) -> None:
+        subparser.add_argument("--from", dest="source", required=True, help="recording, or folder of them")
+        subparser.add_argument(
+            "--kind", choices=KINDS, default="movement", help="kind of data (default: movement)"
+        )
+        subparser.add_argument("--urdf", help="the robot: to compute poses from joints, or to identify")
+
     subparser = command("new", new)
     subparser.add_argument("name", help="folder to make; its last part is the task's name")
-    subparser.add_argument("--from", dest="source", required=True, help="a recording, or a folder of them")
-    subparser.add_argument(
-        "--kind", choices=KINDS, default="movement", help="kind of data (default: movement)"
-    )
-    subparser.add_argument("--urdf", help="the robot: to compute poses from joints, or to identify")
+    proposed(subparser)
+    subparser = command("add", add)
+    subparser.add_argument("name", help="name of the task")
+    proposed(subparser)
     subparser = command("run", make)
     subparser.add_argument("task", nargs="?", help="default: all")
     subparser = command("check", check)
@@ -264,6 +328,7 @@ def _arguments(words: list[str] | None) -> argparse.Namespace:
     robot.add_argument("--task", help="a task whose entry names the robot")
     robot.add_argument("--urdf", help="the robot")
     subparser.add_argument("--lock", nargs="*", default=(), help="joints that do not move, e.g. of a gripper")
+    command("examples", examples)
     command("defaults", defaults)
     subparser = command("inspect", inspect)
     subparser.add_argument("source", help="a file, a bag, or a folder of them")

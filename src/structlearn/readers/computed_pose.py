@@ -13,21 +13,20 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
-from xml.etree import ElementTree
 
 import numpy as np
 
 from structlearn.core import quaternion
 from structlearn.core.errors import InputError
 from structlearn.core.params import home_path
-from structlearn.core.used_files import require_file
 from structlearn.readers.clock import NORM_TOLERANCE, in_order, linear, shared_stamps, slerp
 from structlearn.readers.decoded_messages import decoded
 from structlearn.readers.demonstration import Stream
-from structlearn.readers.joint_streams import MOST_JOINTS, JointSeries
+from structlearn.readers.joint_streams import JointSeries
 from structlearn.readers.messages import fields_named, nanoseconds, numbers
 from structlearn.readers.raw_messages import RawMessages
 from structlearn.readers.source import JointPose, StampPolicy, TransformPose
+from structlearn.readers.urdf_file import pinocchio_model
 
 Edge = tuple[str, str]  # parent and child frame
 
@@ -186,11 +185,7 @@ def _kinematics(path: Path, tip: str) -> tuple[Any, int, dict[str, Any]]:
     """Pinocchio's model, the index of a link's frame, and the joints from the root to it by name."""
     import pinocchio  # takes half a second, and is only needed for computed poses
 
-    robot_element(path)
-    try:
-        model = pinocchio.buildModelFromUrdf(str(path))
-    except ValueError as error:
-        raise InputError(f"{path}: not a valid URDF model; its parser has printed why") from error
+    model = pinocchio_model(path)
     body = pinocchio.FrameType.BODY
     if not model.existFrame(tip, body):
         links = ", ".join(frame.name for frame in model.frames if frame.type == body)
@@ -224,24 +219,3 @@ def _poses(model: Any, frame: int, joints: Sequence[Any], positions: np.ndarray)
         poses[row, 3:] = quaternion.from_xyzw(pinocchio.Quaternion(placement.rotation).coeffs())
     poses[:, 3:] = quaternion.sign_continuous(poses[:, 3:])
     return poses
-
-
-def robot_element(path: Path) -> ElementTree.Element:
-    """Root element of a URDF. Raises InputError: missing, no URDF, or a xacro file that is not expanded."""
-    try:
-        require_file(path)
-        root = ElementTree.parse(path).getroot()
-    except InputError:
-        raise
-    except OSError as error:
-        raise InputError(f"{path}: no such URDF file: {error.strerror}") from error
-    except (ElementTree.ParseError, ValueError, LookupError) as error:  # the latter two for encodings
-        raise InputError(f"{path}: not an XML file: {error}") from error
-    if root.tag != "robot":
-        raise InputError(f"{path}: not a URDF file: its root is <{root.tag}>, not <robot>")
-    if (count := len(root.findall("joint"))) > MOST_JOINTS:
-        raise InputError(f"{path}: has {count} joints, more than {MOST_JOINTS}")
-    for element in root.iter():
-        if isinstance(element.tag, str) and "xacro" in element.tag:
-            raise InputError(f"{path}: has <{element.tag}>: expand it first: xacro FILE > robot.urdf")
-    return root

@@ -7,13 +7,16 @@ Stages exchange logs as tables; a robot's own log is a bag (`bag_recording.read_
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field, fields
 from pathlib import Path
-from typing import TypeVar
+from typing import TYPE_CHECKING, TypeVar
 
 import numpy as np
 
 from structlearn.core.errors import InputError
 from structlearn.readers.clock import at_row
 from structlearn.readers.demonstration import Series, columns_of, each_series, write_series
+
+if TYPE_CHECKING:
+    from structlearn.readers.joint_streams import JointSeries
 
 UNITS = {
     "stamps": "ns",
@@ -93,6 +96,18 @@ class PartedLog(JointLog):
     inertial: np.ndarray
     coriolis: np.ndarray  # including centrifugal torques
     gravity: np.ndarray
+
+
+def unusable_efforts(joints: "JointSeries") -> str:
+    """Why dynamics cannot be learned from the joint states of a robot; empty if they can be."""
+    efforts = joints.values.get("joint_torques")
+    if efforts is None:
+        return "there are no efforts, or all are NaN"
+    if not np.nan_to_num(efforts).any():
+        return "all efforts are 0" if np.isfinite(efforts).all() else "all efforts are 0 or NaN"
+    if not np.ptp(np.nan_to_num(efforts), axis=0).any():
+        return "no effort changes"
+    return "" if "joint_velocities" in joints.values else "there are no velocities"
 
 
 Log = TypeVar("Log", JointLog, DriveLog, PartedLog)

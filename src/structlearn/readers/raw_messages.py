@@ -176,7 +176,7 @@ def damage_named(where: str | Path, what: str = "MCAP file") -> Iterator[None]:
             raise
         raise InputError(
             f"{where}: bags of this kind are read by `rosbags`, which is not installed: `pip install "
-            "structlearn[bags]`; or `ros2 bag convert` turns the bag into MCAP"
+            "'structlearn[bags]'`; or `ros2 bag convert` turns the bag into MCAP"
         ) from error
     except Exception as error:
         if isinstance(error, OSError) and error.strerror:  # errors of decompressors have none

@@ -26,6 +26,7 @@ import pinocchio
 
 from structlearn.core import quaternion
 from structlearn.core.errors import InputError
+from structlearn.readers.urdf_file import check_numbers, pinocchio_model, robot_element
 from structlearn.rigid_body.robot import configuration, read_model, robot_of
 from structlearn.rigid_body.tree import KinematicTree
 from structlearn.rigid_body.urdf import mesh_folders
@@ -69,7 +70,7 @@ def read_arm(path: str | Path, tip: str, locked: Sequence[str] = ()) -> Arm:
     Masses and meshes are not needed; locked joints are held at zero position.
 
     Raises:
-        InputError: as `tree.read_model`, or there is no such tip.
+        InputError: as `robot.read_model`, or there is no such tip.
     """
     model = read_model(path, locked)
     if not model.existFrame(tip):
@@ -214,9 +215,13 @@ def read_collision_shapes(arm: Arm, locked: Sequence[str], rest: np.ndarray) -> 
 
     Meshes are searched for in `urdf.mesh_folders`.
 
-    Raises InputError: a mesh is missing or unreadable, or fewer than two links have shapes.
+    Raises InputError: a mesh is missing or unreadable, a value is not a number, or fewer than two links have
+    shapes.
     """
-    model = pinocchio.buildModelFromUrdf(str(arm.source))
+    for link in robot_element(arm.source).findall("link"):
+        for shape in link.findall("collision"):
+            check_numbers(shape, f"{arm.source}: link '{link.get('name')}'")
+    model = pinocchio_model(arm.source)
     try:
         meshes = pinocchio.buildGeomFromUrdf(
             model,

@@ -10,6 +10,7 @@ import numpy as np
 import pinocchio
 
 from structlearn.core.errors import InputError
+from structlearn.readers.urdf_file import pinocchio_model
 from structlearn.rigid_body.tree import KinematicTree, LinkInertias
 from structlearn.rigid_body.urdf import check_urdf
 
@@ -59,8 +60,9 @@ def read_urdf(path: str | Path, locked: Sequence[str] = ()) -> Robot:
 
     Raises:
         InputError: the file is missing or unreadable, a locked joint is unknown, a joint is of a kind other
-            than revolute, continuous or prismatic, limits are absent or crossed, or a moving link has no
-            positive mass or no positive definite inertia; the message names file and joint.
+            than revolute, continuous or prismatic, limits are absent or crossed, a value is not a
+            number, or a moving link has no positive mass or no positive definite inertia; the message names
+            file and joint.
     """
     model = read_model(path, locked)
     robot = robot_of(model)
@@ -74,10 +76,7 @@ def read_model(path: str | Path, locked: Sequence[str] = ()) -> pinocchio.Model:
     Raises InputError as `read_urdf` does, except for masses and inertias.
     """
     check_urdf(path, locked)
-    try:
-        model = pinocchio.buildModelFromUrdf(str(path))
-    except ValueError as error:
-        raise InputError(f"{path}: not a valid URDF model; its parser has printed why") from error
+    model = pinocchio_model(Path(path))
     if locked:
         joints = [model.getJointId(name) for name in locked]
         model = pinocchio.buildReducedModel(model, joints, pinocchio.neutral(model))

@@ -1,11 +1,9 @@
 """URDF files as XML: checks that Pinocchio does not make, joints and hands, writing identified inertias.
 
-Pinocchio 4 reads a link whose `<inertial>` is absent, incomplete or not a number as massless, keeps negative
-masses, reads absent limits as [0, 0] and keeps zero axes. Dynamics of such a robot are singular or wrong,
-without an error.
+Pinocchio 4 reads a link whose `<inertial>` is absent or incomplete as massless, keeps negative masses, reads
+absent limits as [0, 0] and keeps zero axes. Dynamics of such a robot are singular or wrong, without an error.
 """
 
-import math
 import os
 import re
 from collections.abc import Collection, Sequence
@@ -17,16 +15,16 @@ from xml.etree import ElementTree
 import numpy as np
 
 from structlearn.core.errors import InputError
-from structlearn.readers.computed_pose import robot_element
 from structlearn.readers.foreign_tables import natural_order
+from structlearn.readers.urdf_file import INERTIA_ENTRIES, LIMITS, robot_element
 
 if TYPE_CHECKING:
     from structlearn.rigid_body.tree import KinematicTree, LinkInertias
 
 MOVING = ("revolute", "continuous", "prismatic")
 
-_LIMITS = ("lower", "upper", "velocity", "effort")
-INERTIA_ENTRIES = {"ixx": (0, 0), "ixy": (0, 1), "ixz": (0, 2), "iyy": (1, 1), "iyz": (1, 2), "izz": (2, 2)}
+# rad: limits of a revolute joint beyond four turns are in degrees; those beyond DEGREES mean that it has none
+MOST_TURNED, DEGREES = 8.0 * np.pi, 720.0
 
 
 def urdf_path(name: str) -> Path:
@@ -43,7 +41,10 @@ def urdf_path(name: str) -> Path:
 
 
 def check_urdf(path: str | Path, locked: Sequence[str]) -> None:
-    """Raise InputError unless every joint has one degree of freedom and limits, see `read_urdf`."""
+    """Raise InputError unless every joint has one degree of freedom and limits, see `read_urdf`.
+
+    Limits of velocity and effort may be 0, which many files write for none; see `require_velocities`.
+    """
     root = robot_element(Path(path))
     joints = {joint.get("name", ""): joint for joint in root.findall("joint")}
     moving = {name: joint for name, joint in joints.items() if joint.get("type") != "fixed"}
@@ -56,7 +57,8 @@ def check_urdf(path: str | Path, locked: Sequence[str]) -> None:
         _check_joint(joint, f"{path}: joint '{name}'")
         if joint.find("mimic") is not None and name not in locked:
             raise InputError(
-                f"{path}: joint '{name}': it follows another one (<mimic>), so `locked_joints` has to name it"
+                f"{path}: joint '{name}': it follows another one (<mimic>), so it has to be named in "
+                "`locked_joints`, or after --lock"
             )
     for link in root.findall("link"):
         inertial = link.find("inertial")
@@ -69,39 +71,42 @@ def _check_joint(joint: ElementTree.Element, where: str) -> None:
     if kind not in MOVING:
         raise InputError(f"{where}: type '{kind}' is not supported, only {', '.join(MOVING)} and fixed")
     axis = joint.find("axis")
-    if axis is not None and not any(_numbers(axis.get("xyz", "").split(), f"{where}: axis")):
+    if axis is not None and not any(map(float, axis.get("xyz", "").split())):
         raise InputError(f"{where}: the axis is zero")
+    limit = joint.find("limit")
+    given = {} if limit is None else {key: float(limit.get(key, "")) for key in LIMITS if key in limit.attrib}
+    for key in ("velocity", "effort"):
+        if given.get(key, 0.0) < 0.0:
+            raise InputError(f"{where}: {key} limit {given[key]:g} is negative")
     if kind == "continuous":
         return
-    limit = joint.find("limit")
-    absent = [key for key in _LIMITS if limit is None or limit.get(key) is None]
-    if limit is None or absent:
+    if absent := [key for key in LIMITS if key not in given]:
         raise InputError(f"{where}: <limit> lacks {', '.join(absent)}")
-    lower, upper, velocity, _ = _numbers([limit.get(key, "") for key in _LIMITS], where)
-    if lower >= upper:
-        raise InputError(f"{where}: lower limit {lower:g} is not below the upper limit {upper:g}")
-    if velocity <= 0.0:
-        raise InputError(f"{where}: velocity limit {velocity:g} is not positive")
+    largest = max(abs(given["lower"]), abs(given["upper"]))
+    if kind == "revolute" and MOST_TURNED < largest <= DEGREES:
+        raise InputError(f"{where}: limits {given['lower']:g} and {given['upper']:g} are in rad: degrees?")
+    if given["lower"] >= given["upper"]:
+        raise InputError(
+            f"{where}: lower limit {given['lower']:g} is not below the upper limit {given['upper']:g}"
+        )
 
 
 def _check_inertial(inertial: ElementTree.Element, where: str) -> None:
     mass, inertia = inertial.find("mass"), inertial.find("inertia")
     if mass is None or inertia is None:
         raise InputError(f"{where}: <inertial> lacks <{'mass' if mass is None else 'inertia'}>")
-    (value,) = _numbers([mass.get("value", "")], f"{where}: mass")
-    if value < 0.0:
+    for element, names in ((mass, ("value",)), (inertia, INERTIA_ENTRIES)):
+        if absent := [name for name in names if name not in element.attrib]:
+            raise InputError(f"{where}: <{element.tag}> lacks {', '.join(absent)}")
+    if (value := float(mass.get("value", ""))) < 0.0:
         raise InputError(f"{where}: mass {value:g} kg is negative")
-    _numbers([inertia.get(entry, "") for entry in INERTIA_ENTRIES], f"{where}: inertia")
 
 
-def _numbers(texts: Sequence[str], where: str) -> list[float]:
-    try:
-        values = [float(text) for text in texts]
-    except ValueError as error:
-        raise InputError(f"{where}: a value is missing or no number: {error}") from error
-    if not all(math.isfinite(value) for value in values):
-        raise InputError(f"{where}: a value is not finite")
-    return values
+def require_velocities(path: str | Path, tree: "KinematicTree") -> None:
+    """Raise InputError if a joint has no velocity limit, which motion that is planned or checked needs."""
+    for name, velocity in zip(tree.names, tree.velocity, strict=True):
+        if velocity <= 0.0:
+            raise InputError(f"{path}: joint '{name}': velocity limit {velocity:g} is not positive")
 
 
 def mesh_folders(path: Path) -> list[Path]:
@@ -226,7 +231,7 @@ def write_urdf(
     Raises:
         InputError: a joint of the tree is not in the source.
     """
-    root, ends, chains = ElementTree.parse(source).getroot(), _joints(source), _chains(source)
+    root, ends, chains = robot_element(Path(source)), _joints(source), _chains(source)
     if missing := [name for name in tree.names if name not in ends]:
         raise InputError(f"{source}: lacks the joints {', '.join(missing)}")
     moved = {ends[name][2]: place for place, name in enumerate(tree.names)}

@@ -11,7 +11,10 @@
 A part (`PARTS`) that an entry does not name is null, whatever its defaults.
 """
 
+import re
+from collections.abc import Callable, Sequence
 from contextlib import suppress
+from itertools import takewhile
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -59,6 +62,48 @@ def read_entries(file: Path = ENTRIES) -> dict[str, Entry]:
                 raise InputError(f"{file}: {kind}.{name}: the name is taken: {entries[name].kind}")
             entries[name] = Entry(kind, entry)
     return entries
+
+
+def add_entry(kind: str, name: str, proposed: Callable[[], list[str]], file: Path = ENTRIES) -> None:
+    """Add an entry to a file, with all else as it was written, and publish it.
+
+    `proposed`: gives the entry's YAML lines, indented by two blanks; is only called for a name that is free.
+
+    Raises InputError: as `read_entries`; or the name is invalid or taken, or the file changed meanwhile.
+    """
+    if not is_name(name):
+        raise InputError(f"{name!r}: {NAME_RULE}")
+    entries = read_entries(file)
+    if name in entries:
+        raise InputError(f"{file}: {entries[name].kind}.{name}: there is such a task already")
+    before = file.read_text(encoding="utf-8")
+    lines = proposed()
+    text, added = _with_entry(before, kind, lines), yaml.safe_load("\n".join([f"{kind}:", *lines]))
+    try:
+        unharmed = yaml.safe_load(text) == merged(yaml.safe_load(before) or {}, added)
+    except yaml.YAMLError:
+        unharmed = False
+    if not unharmed:
+        raise InputError(f"{file}: {kind}: is not written line by line, so nothing can be added below it")
+    if file.read_text(encoding="utf-8") != before:
+        raise InputError(f"{file}: changed meanwhile; run it again")
+    with publish(file) as target:
+        target.write_text(text, encoding="utf-8")
+
+
+def _with_entry(text: str, kind: str, entry: Sequence[str]) -> str:
+    """Text of an entries file with a further entry at the end of its kind, if it is written in lines."""
+    lines = text.rstrip("\n").split("\n")
+    heading = re.compile(rf"{re.escape(kind)}:\s*({{\s*}})?\s*(#.*)?$")
+    start = next((place for place, line in enumerate(lines) if heading.match(line)), None)
+    if start is None:
+        return "\n".join([*lines, "", f"{kind}:", *entry, ""])
+    lines[start] = re.sub(r"{\s*}", "", lines[start], count=1)
+    below = takewhile(lambda line: not re.match(r"[^\s#]", line), lines[start + 1 :])
+    inside = [place for place, line in enumerate(below, start + 1) if re.match(r"\s+[^\s#]", line)]
+    first, end = lines[inside[0]] if inside else entry[0], inside[-1] + 1 if inside else start + 1
+    indent = first[: len(first) - len(first.lstrip())]
+    return "\n".join([*lines[:end], *(f"{indent}{line[2:]}" for line in entry), *lines[end:], ""])
 
 
 def model(file: Path, kind: Any) -> type[SourceParameters]:

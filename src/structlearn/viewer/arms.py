@@ -3,17 +3,20 @@
 import tempfile
 from collections.abc import Iterable, Sequence
 from pathlib import Path
+from xml.etree import ElementTree
 
 import numpy as np
 import pandas as pd
 import rerun as rr
 from rerun.urdf import UrdfTree
 
+from structlearn.readers.urdf_file import robot_element
 from structlearn.viewer import views
 from structlearn.viewer.items import Item, Times, dots, entity, lines, series
 from structlearn.viewer.views import Panel
 
 PACKAGE = "package://"  # prefix of mesh paths in ROS URDFs, resolved relative to the URDF
+PARTS = ("link", "joint", "material")  # of a URDF that are shown
 STICK_M = 0.025  # radius of a stick
 
 
@@ -80,15 +83,21 @@ def arm_scene(title: str, items: Iterable[Item], tool: np.ndarray) -> Panel:
 
 
 def _read(urdf: Path, name: str) -> UrdfTree:
-    """Read a URDF with frames prefixed by the arm's name; package meshes are resolved relative to it."""
-    options = {"entity_path_prefix": name, "frame_prefix": f"{name}/"}
-    text = urdf.read_text()
-    if PACKAGE not in text:
-        return UrdfTree.from_file_path(urdf, **options)
+    """Read a URDF with frames prefixed by the arm's name; mesh files are searched for beside it.
+
+    rerun gets only what it needs, since it refuses XML prefixes that are not declared, as in sensors.
+    """
+    root = robot_element(urdf)
+    for part in list(root):
+        if part.tag not in PARTS:
+            root.remove(part)
+    for mesh in root.iter("mesh"):
+        if "://" not in (file := mesh.get("filename", "").removeprefix(PACKAGE)):
+            mesh.set("filename", str(urdf.parent.resolve() / file))
     with tempfile.TemporaryDirectory() as folder:
         copy = Path(folder) / urdf.name
-        copy.write_text(text.replace(PACKAGE, f"{urdf.parent.resolve()}/"))
-        return UrdfTree.from_file_path(copy, **options)
+        ElementTree.ElementTree(root).write(copy, encoding="utf-8")
+        return UrdfTree.from_file_path(copy, entity_path_prefix=name, frame_prefix=f"{name}/")
 
 
 def followed(

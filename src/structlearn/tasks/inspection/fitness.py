@@ -98,7 +98,7 @@ def _no_hand(seen: SourceSeen) -> Answer:
     foreign = sorted(name for name in types if "[" in name)  # unsupported encodings, see `raw_messages`
     advice = f"convert to ROS 2 messages, or to a table of poses: {'; '.join(foreign)}" if foreign else ""
     for topic, joints in seen.arms()[:1]:
-        advice = f"there are joints in {topic} ({', '.join(joints.names)}): name their robot, URDF=..."
+        advice = f"there are joints in {topic} ({', '.join(joints.names)}): name their robot: --urdf FILE"
     return Answer("Is there a pose of the hand?", "no", "no poses or moving frames that can be read", advice)
 
 

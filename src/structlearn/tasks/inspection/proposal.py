@@ -10,6 +10,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from structlearn.readers.joint_log import unusable_efforts
 from structlearn.readers.messages import READERS
 from structlearn.readers.source import JointPose, TransformPose
 from structlearn.rigid_body.urdf import moving_joints
@@ -98,9 +99,9 @@ def _topics(
     if arms and (arm := max(sorted(set(arms)), key=arms.count)) in states:
         topics["joint_states"] = arm
         said = warnings["topics.joint_states"] = []
-        if any("joint_torques" in joints.values for topic, joints in seen.arms() if topic == arm):
-            entry = f"{{source, topic: {arm}, urdf}}"
-            said.append(f"efforts: below `motion:` an entry {entry} identifies the arm")
+        unusable = [unusable_efforts(joints) for topic, joints in seen.arms() if topic == arm]
+        identified = f"efforts: below `motion:` an entry {{source, topic: {arm}, urdf}} identifies the arm"
+        said.append(next((f"no identification of the arm: {why}" for why in unusable if why), identified))
         if elsewhere := [topic for topic in states if topic != arm]:
             said.append(f"also there: {', '.join(elsewhere)}")
     if wrenches := _of_types(seen, READERS["wrench"]):

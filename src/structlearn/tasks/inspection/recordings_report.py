@@ -115,7 +115,9 @@ def _entry(
             yield f"{indent}{key}:"
             yield from _entry(value, warnings, f"{path}.", f"{indent}  ")
         else:
-            flow = yaml.safe_dump([value], default_flow_style=True, width=float("inf"), sort_keys=False)
+            flow = yaml.safe_dump(
+                [value], default_flow_style=True, width=float("inf"), sort_keys=False, allow_unicode=True
+            )
             yield f"{indent}{key}: {flow.strip()[1:-1]}"
 
 

@@ -6,6 +6,7 @@ random trajectories. Obstacles around the robot are not considered.
 """
 
 import re
+import shlex
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
@@ -34,7 +35,7 @@ from structlearn.rigid_body.excitation import (
 from structlearn.rigid_body.friction import FRICTIONS
 from structlearn.rigid_body.motion import Motion
 from structlearn.rigid_body.robot import Robot, read_urdf
-from structlearn.rigid_body.urdf import urdf_path
+from structlearn.rigid_body.urdf import require_velocities, urdf_path
 from structlearn.tasks import project
 from structlearn.tasks.motion.motion_figures import gain_panel, share_panels
 from structlearn.tasks.motion.parameters import MotionParameters
@@ -66,6 +67,7 @@ def design_trajectory(task: str | None, urdf: str, locked: Sequence[str]) -> Non
     name = task or re.sub(r"[^a-z0-9_-]", "_", Path(urdf).stem.lower())
     path = urdf_path(str(local_path(urdf)))
     robot = read_urdf(path, locked)
+    require_velocities(path, robot.tree)
     problem, shapes, links = space(robot, path, locked, parameters)
     optima = design(problem, parameters.starts, parameters.iterations, parameters.seed)
     times, motion = limited_motion(problem, clear(problem, optima[0], shapes, parameters), parameters.rate_hz)
@@ -75,7 +77,8 @@ def design_trajectory(task: str | None, urdf: str, locked: Sequence[str]) -> Non
     )
     facts = {"urdf": urdf, "name": name, "seconds": times[-1], "links": links, "samples": len(times)}
     facts["noise"] = 100 * parameters.noise_share
-    facts["command"] = f"structlearn excite {f'--task {task}' if task else f'--urdf {urdf}'}"
+    words = ["--task", task] if task else ["--urdf", urdf, *(("--lock", *locked) if locked else ())]
+    facts["command"] = shlex.join(["structlearn", "excite", *words])
     publish_excitation(REPORTS / name, facts, joints, gains, (times, motion), parameters)
     write_csv(trajectory_table(robot, times, motion), REPORTS / name / "trajectory.csv")
     gain, kept = gains["gain"].median(), " ".join(joints["kept"])

@@ -1,6 +1,7 @@
 """Identification of the arm of a task from its joint logs (III.4)."""
 
 import re
+import sys
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from functools import partial
@@ -34,6 +35,7 @@ from structlearn.rigid_body.dynamics_training import (
 )
 from structlearn.rigid_body.friction import FRICTIONS, friction_columns
 from structlearn.rigid_body.log_fitness import fitness_lines, identified_table, log_fitness
+from structlearn.rigid_body.log_limits import possible_samples
 from structlearn.rigid_body.model_comparison import NETWORKS, TRAIN, Models, NetworkTraining
 from structlearn.rigid_body.motion import Motion, joined_motions, measured_motion
 from structlearn.rigid_body.robot import Robot, read_urdf
@@ -77,6 +79,8 @@ def learn(files: TaskFiles, folder: Path) -> None:
         if "fitness" in tables:
             lines = [*fitness_lines(tables["fitness"]), *repeat_lines(tables["repeats"])]
             print("Fit to identify the arm from?", *lines, sep="\n")
+        for line in tables["impossible"]["text"] if "impossible" in tables else ():
+            print(f"left out: {line}", file=sys.stderr)
     except InputError as error:
         if not is_public(parameters.source):
             raise
@@ -113,12 +117,14 @@ def learn_motion(
     (its formula), `value`, `low`, `high` (95 %), `urdf`; `fitness` and `determined`: of
     `rigid_body.log_fitness`. `excitation`: one row, `condition` and `parameters`. `choice`: of
     `choose_networks`. `bodies` and tables on drives and loads: of `drives_and_load`. Without structures:
-    `gravity`, and the tables of `drives_and_load.payload_check`.
+    `gravity`, and the tables of `drives_and_load.payload_check`. `impossible`: of `log_limits`, if any.
 
-    Raises InputError: a log lacks a joint, is too short, has no motion or a constant torque.
+    Raises InputError: a log lacks a joint, is too short, has no motion or a constant torque, or many of its
+    samples are impossible.
     MissingInputError: logs are named, but fewer than two motions are without load.
     """
-    logs = {name: in_tree_order(robot.tree, log) for name, log in logs.items()}
+    ordered = {name: in_tree_order(robot.tree, log) for name, log in logs.items()}
+    logs, impossible = possible_samples(robot, ordered)
     models: Models = {}
     if parameters.structures:
         models, tables = _identified(robot, logs, parameters, source, folder)
@@ -126,6 +132,8 @@ def learn_motion(
         motion = joined_motions([cut_motion(log, parameters)[0] for log in logs.values()])
         tables = {"gravity": gravity_check(robot, motion, parameters)}
         tables |= drives_and_load.payload_check(robot, motion)
+    if len(impossible):
+        tables["impossible"] = impossible
     write_tables(tables, folder)
     return models, tables
 
@@ -133,6 +141,10 @@ def learn_motion(
 def _identified(
     robot: Robot, logs: Mapping[str, Any], parameters: MotionParameters, source: Path, folder: Path
 ) -> tuple[Models, dict[str, pd.DataFrame]]:
+    effort = robot.model.effortLimit
+    if parameters.joint_weights == "limit" and (effort <= 0.0).any():
+        name = robot.tree.names[int(np.argmin(effort))]
+        raise InputError(f"{source}: joint '{name}' has no effort limit, which `joint_weights: limit` needs")
     if parameters.train is not None:
         parameters = logs_that_are_there(logs, parameters)
     moving = logs if parameters.train is None else moving_logs(logs, parameters)
@@ -158,7 +170,7 @@ def _identified(
         model_comparison.identify_arm,
         robot,
         iterations=parameters.iterations,
-        limits=robot.model.effortLimit.copy() if parameters.joint_weights == "limit" else None,
+        limits=effort.copy() if parameters.joint_weights == "limit" else None,
         prior=parameters.prior,
     )
     frictions = tuple(dict.fromkeys((*model_comparison.LEARNED_FRICTIONS, parameters.judged_friction)))

@@ -61,7 +61,7 @@ def dynamics_section(files: TaskFiles) -> Section:
             "Torques compared with the URDF",
             "torque_check.html.jinja",
             lead="torque_check_lead.html.jinja",
-            facts={"origin": first.provenance},
+            facts={"origin": first.provenance, "impossible": _impossible(tables)},
             find=check_findings(tables),
             tables={name: shown(tables[name]) for name in ("payload_torques", "payloads")}
             | {"motion_gravity": _gravity(tables["gravity"])},
@@ -91,6 +91,7 @@ def motion_facts(results: MotionResults) -> dict[str, Any]:
         "chosen": results.parameters,
         "friction": FRICTIONS[results.best[1]],
         "seconds": motions[["learned_s", "tested_s"]].sum(),
+        "impossible": _impossible(results),
         "repeated": results["repeats"].query("repeated").to_dict("records"),
         "worst": best[worst].evidence(),
         "worst_joint": results.names[list(best).index(worst)],
@@ -127,6 +128,11 @@ def motion_facts(results: MotionResults) -> dict[str, Any]:
     if results.carried_logs:
         facts["largest_empty_kg"] = matching(results["carried"], stage=names.EMPTY)["mass_kg"].abs().max()
     return facts
+
+
+def _impossible(tables: Mapping[str, pd.DataFrame]) -> list[str]:
+    """Samples that were left out, one line per log, signal and joint."""
+    return tables["impossible"]["text"].tolist() if "impossible" in tables else []
 
 
 def check_findings(tables: Mapping[str, pd.DataFrame]) -> Findings:

@@ -82,7 +82,7 @@ def cuts_section(files: TaskFiles) -> Section:
         "true": any(demonstration.true_segments is not None for demonstration in demonstrations),
     }
     tables = {
-        "lengths": shown(primitive_lengths(by_name, segmentation), way_mm=".0f"),
+        "lengths": shown(primitive_lengths(by_name, segmentation), start_to_end_mm=".0f"),
         "left_out": Table(segmentation.left_out),
         "warnings": Table(segmentation.warnings, {"number": ".2f"}),
     }
@@ -107,17 +107,17 @@ def cuts_section(files: TaskFiles) -> Section:
 
 
 def primitive_lengths(demonstrations: dict[str, Demonstration], segmentation: Segmentation) -> pd.DataFrame:
-    """Durations and lengths of the primitives, one row each."""
+    """Durations of the primitives, and distances from their start to their end, one row each."""
     rows = []
     for name, cuts in segmentation.results.items():
-        lengths = []
+        distances = []
         for demonstration, cut in cuts.iterrows():
             run = demonstrations[str(demonstration)]
             ticks = [min(round(cut[end] / run.dt), len(run.time) - 1) for end in ENDS]
-            lengths.append(1e3 * np.linalg.norm(np.subtract(*run.position[ticks])))
+            distances.append(1e3 * np.linalg.norm(np.subtract(*run.position[ticks])))
         durations = cuts["end_s"] - cuts["start_s"]
-        rows.append((name, durations.mean(), durations.min(), durations.max(), np.mean(lengths)))
-    return pd.DataFrame(rows, columns=["primitive", "mean_s", "shortest_s", "longest_s", "way_mm"])
+        rows.append((name, durations.mean(), durations.min(), durations.max(), np.mean(distances)))
+    return pd.DataFrame(rows, columns=["primitive", "mean_s", "shortest_s", "longest_s", "start_to_end_mm"])
 
 
 def rests_section(files: TaskFiles) -> Section | None:

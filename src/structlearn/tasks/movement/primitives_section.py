@@ -1,6 +1,7 @@
 """Page sections on primitives: learned primitives over their demonstrations, and the distances between."""
 
 from collections.abc import Sequence
+from dataclasses import replace
 from math import ceil
 from typing import TypeVar
 
@@ -40,6 +41,9 @@ VARIANTS = {
     (True, True): ("left_out", "left out"),
     (False, False): ("fit_unscaled", "learned from, forcing not scaled"),
 }
+DISTANCES = {"mean_mm": "mean distance (mm)", "max_mm": "largest distance (mm)"}
+DISTANCES |= {"end_mm": "distance at the end (mm)", "mean_deg": "mean angle (°)"}
+DISTANCES |= {"max_deg": "largest angle (°)", "end_deg": "angle at the end (°)"}
 MANY = 30  # number of demonstrations from which distances are shown as histograms
 DRAWN, POINTS = 100, 2000
 """Demonstrations drawn in a figure, spread evenly over all, and samples of a path; more make pages slow."""
@@ -100,7 +104,8 @@ def primitives_section(files: TaskFiles) -> Section:
     )  # a primitive is always near what it was learned from
     find = Findings.of_metrics(numbers, headlines).among("recorded movements")
     add_distances(find, reproduction, errors, segments)
-    tables = {"errors": shown(errors, end_mm=".3f")}
+    table = shown(errors, end_mm=".3f")
+    tables = {"errors": replace(table, headings={**table.headings, **DISTANCES})}
     return Section("primitives", "Primitives", facts=facts, tables=tables, pictures=pictures, find=find)
 
 

@@ -39,7 +39,7 @@ from structlearn.rigid_body.arm_kinematics import (
     read_collision_shapes,
     rest_for,
 )
-from structlearn.rigid_body.urdf import urdf_path
+from structlearn.rigid_body.urdf import require_velocities, urdf_path
 from structlearn.tasks.movement import check_results
 from structlearn.tasks.movement.check_results import CORRECTIONS, GOALS, NO, NOMINAL, STARTS, SkillCheck
 from structlearn.tasks.movement.parameters import RobotParameters
@@ -129,6 +129,7 @@ def check_skill(skill: ReactiveSkill, parameters: RobotParameters) -> SkillCheck
     configuration reaches the start.
     """
     arm = read_arm(urdf_path(str(local_path(parameters.urdf))), parameters.tip, parameters.locked_joints)
+    require_velocities(arm.source, arm.tree)
     runs = [in_arm_frames(run, parameters) for run in unrolls(skill, RATE_HZ)]
     if parameters.rest_configuration is None:
         position, orientation = runs[0].position, runs[0].orientation

@@ -141,13 +141,14 @@ def scene_tables(results: SceneWays) -> dict[str, Table]:
     for model in results.models:
         reaches, hit = results.of(model), results.share("hit", model)
         path = mean(results.by_person(model, "path_mm").to_numpy())
+        apart = f"{rounded(path.value, '.1f')} {interval(max(path.low, 0.0), path.high)}"
         rows.append(
             {
                 "model": LOOKS[model].name,
                 "touches (%)": f"{100 * hit.value:.1f} {interval(100 * hit.low, 100 * hit.high)}",
                 "of blocked (%)": 100 * results.of(model, blocked=True)["hit"].mean(),
                 "goal, largest (mm)": reaches["left_mm"].max(),
-                "path (mm)": f"{rounded(path.value, '.1f')} {interval(max(path.low, 0.0), path.high)}",
+                "distance of paths (mm)": apart,
                 "same gaps (%)": 100 * reaches["same_gaps"].mean(),
                 "nearest (mm)": reaches["clearance_mm"].min(),
                 "wall (%)": 100 * reaches["hit_wall"].mean(),
@@ -171,7 +172,11 @@ def scene_tables(results: SceneWays) -> dict[str, Table]:
     errors = errors.rename(index={model: look.name for model, look in LOOKS.items()}).reset_index(
         names="model"
     )
-    headings = {"path_mm": "path (mm)", "goal_max_mm": "goal, largest (mm)", "other_gaps": "other gaps"}
+    headings = {
+        "path_mm": "from the recorded path (mm)",
+        "goal_max_mm": "goal, largest (mm)",
+        "other_gaps": "other gaps",
+    }
     return {
         "obstacles_ways": Table(pd.DataFrame(rows), formats, strong=frozenset({results.models.index(OURS)})),
         "obstacles_errors": Table(errors, dict.fromkeys(AXES, ".2f")),
