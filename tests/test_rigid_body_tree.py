@@ -10,12 +10,13 @@ from rigid_body_robots import FILES, FINGERS, ODD, joint, link, pinocchio_torque
 from rigid_body_robots import robot as known_robot
 
 from structlearn.core.errors import InputError
+from structlearn.readers.computed_pose import urdf_path
 from structlearn.rigid_body.dynamics_models import rigid_body_torques
 from structlearn.rigid_body.inertia_parameters import link_inertias, sample_parameters
 from structlearn.rigid_body.motion import Motion
 from structlearn.rigid_body.robot import Robot, read_urdf
 from structlearn.rigid_body.tree import joint_order
-from structlearn.rigid_body.urdf import counterparts, moving_joints, tips, urdf_path, write_urdf
+from structlearn.rigid_body.urdf import counterparts, moving_joints, tips, write_urdf
 
 BODY = link("moved")
 HINGE = joint("hinge", "revolute", "base", "moved")

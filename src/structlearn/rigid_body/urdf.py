@@ -9,7 +9,6 @@ import math
 import os
 import re
 from collections.abc import Collection, Sequence
-from importlib.util import find_spec
 from pathlib import Path
 from typing import TYPE_CHECKING
 from xml.etree import ElementTree
@@ -17,7 +16,7 @@ from xml.etree import ElementTree
 import numpy as np
 
 from structlearn.core.errors import InputError
-from structlearn.readers.computed_pose import robot_element
+from structlearn.readers.computed_pose import check_limits, robot_element
 from structlearn.readers.foreign_tables import natural_order
 
 if TYPE_CHECKING:
@@ -27,19 +26,6 @@ MOVING = ("revolute", "continuous", "prismatic")
 
 _LIMITS = ("lower", "upper", "velocity", "effort")
 INERTIA_ENTRIES = {"ixx": (0, 0), "ixy": (0, 1), "ixz": (0, 2), "iyy": (1, 1), "iyz": (1, 2), "izz": (2, 2)}
-
-
-def urdf_path(name: str) -> Path:
-    """Path of a file, or, where `pybullet_data` is installed, of its file such as `kuka_iiwa/model.urdf`.
-
-    Raises InputError: there is neither.
-    """
-    packaged = find_spec("pybullet_data")
-    folders = packaged.submodule_search_locations if packaged else None
-    for path in (Path(name), *(Path(folder, name) for folder in folders or ())):
-        if path.is_file():
-            return path
-    raise InputError(f"urdf: there is no file '{name}', and none of that name in pybullet_data")
 
 
 def check_urdf(path: str | Path, locked: Sequence[str]) -> None:
@@ -78,6 +64,8 @@ def _check_joint(joint: ElementTree.Element, where: str) -> None:
     if limit is None or absent:
         raise InputError(f"{where}: <limit> lacks {', '.join(absent)}")
     lower, upper, velocity, _ = _numbers([limit.get(key, "") for key in _LIMITS], where)
+    if kind == "revolute":
+        check_limits(where, lower, upper)
     if lower >= upper:
         raise InputError(f"{where}: lower limit {lower:g} is not below the upper limit {upper:g}")
     if velocity <= 0.0:

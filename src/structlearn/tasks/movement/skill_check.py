@@ -29,6 +29,7 @@ from structlearn.feedback.skill import ReactiveSkill, Workspace
 from structlearn.primitives.kernels import KERNEL_COUNT
 from structlearn.primitives.sequence import PoseGoal, default_goals, default_start
 from structlearn.primitives.vector import sample_count
+from structlearn.readers.computed_pose import urdf_path
 from structlearn.rigid_body.arm_kinematics import (
     Arm,
     JointPath,
@@ -39,7 +40,6 @@ from structlearn.rigid_body.arm_kinematics import (
     read_collision_shapes,
     rest_for,
 )
-from structlearn.rigid_body.urdf import urdf_path
 from structlearn.tasks.movement import check_results
 from structlearn.tasks.movement.check_results import CORRECTIONS, GOALS, NO, NOMINAL, STARTS, SkillCheck
 from structlearn.tasks.movement.parameters import RobotParameters
