@@ -1,7 +1,7 @@
 """Made-up LeRobotDatasets in the layouts of public sets."""
 
 import json
-from pathlib import Path
+import shutil
 
 import numpy as np
 import pyarrow as pa
@@ -11,24 +11,16 @@ FPS = 30
 POSE = ["x", "y", "z", "qw", "qx", "qy", "qz"]
 
 
-def write_set(
-    folder,
-    episodes,
-    names,
-    version="v3.0",
-    fps=FPS,
-    per_file=2,
-    dtype="float32",
-    **changes,
-):
+def write_set(folder, episodes, names, version="v3.0", fps=FPS, per_file=2, **changes):
     """A set of episodes, each a dict of (T, D) by feature, in a folder, which is returned.
 
-    `names`: of columns, as in the description; `per_file`: episodes in a file of v3.0. `changes` replace keys of the description.
+    `names`: of columns, as in the description; `per_file`: episodes in a file of v3.0; `changes` replace
+    keys of the description.
     """
     lengths = [len(next(iter(episode.values()))) for episode in episodes]
     starts = np.concatenate([[0], np.cumsum(lengths)])
     features = {
-        name: {"dtype": dtype, "shape": [episodes[0][name].shape[1]], "names": names.get(name)}
+        name: {"dtype": "float32", "shape": [episodes[0][name].shape[1]], "names": names.get(name)}
         for name in episodes[0]
     }
     features["observation.images.top"] = {"dtype": "video", "shape": [3, 8, 8], "names": ["c", "h", "w"]}
@@ -75,15 +67,39 @@ def write_set(
     return folder
 
 
-def edit(path: Path, change) -> None:
-    """Write a table anew: `change` takes and returns a data frame."""
-    _write(pa.Table.from_pandas(change(pq.read_table(path).to_pandas()), preserve_index=False), path)
+def edited(name, change):
+    """Change of a set: a table is written anew; `change` takes and returns a data frame."""
+
+    def edit(folder):
+        table = change(pq.read_table(folder / name).to_pandas())
+        _write(pa.Table.from_pandas(table, preserve_index=False), folder / name)
+
+    return edit
 
 
-def describe(folder: Path, **changes) -> None:
-    """Change keys of the description."""
-    path = folder / "meta/info.json"
-    path.write_text(json.dumps(json.loads(path.read_text()) | changes))
+def described(**changes):
+    """Change of a set: other values in its description."""
+
+    def describe(folder):
+        path = folder / "meta/info.json"
+        path.write_text(json.dumps(json.loads(path.read_text()) | changes))
+
+    return describe
+
+
+def unlisted(folder):
+    """Change of a set: without its list of episodes."""
+    shutil.rmtree(folder / "meta/episodes")
+
+
+def lost(name):
+    """Change of a set: without a file."""
+    return lambda folder: (folder / name).unlink()
+
+
+def copied(name, other):
+    """Change of a set: a file once more, under another name."""
+    return lambda folder: shutil.copy(folder / name, folder / other)
 
 
 def _frames(number, episode, start, fps):

@@ -4,7 +4,6 @@ And public sets: names and layouts of all kinds, degrees, and descriptions that 
 """
 
 import json
-import shutil
 from dataclasses import replace
 
 import numpy as np
@@ -12,7 +11,7 @@ import pyarrow.parquet
 import pytest
 from committed import EXAMPLE_TASK, NO_TOPICS
 from conftest import minimum_jerk
-from lerobot_sets import FPS, POSE, describe, edit, write_set
+from lerobot_sets import FPS, POSE, copied, described, edited, lost, unlisted, write_set
 from readers_sets import write_dataset
 
 from dissertation.simulation.pick_and_place import TIP, URDF, takes, write_takes
@@ -151,7 +150,7 @@ JOINTS = [f"lbr_iiwa_joint_{number}" for number in range(1, 8)]
 def moves(seed, count=60):
     """(T, 7) poses of a reach and a retreat with a turn."""
     time = np.arange(count) / FPS
-    there, back = minimum_jerk(time - 0.3, 0.6), minimum_jerk(time - 1.2, 0.6)
+    there, back = minimum_jerk((time - 0.3) / 0.6), minimum_jerk((time - 1.2) / 0.6)
     half, zero = 0.2 * back, np.zeros(count)
     start = np.random.default_rng(seed).normal(0.4, 0.01, 3)
     position = start + 0.2 * there[:, None] * [1, 0, 0.5] - 0.1 * back[:, None]
@@ -249,65 +248,74 @@ def test_both_layouts_give_the_same_recordings(pose_set, tmp_path):
         assert np.array_equal(one, other)
 
 
-FIRST, LAST = "data/chunk-000/file-000.parquet", "data/chunk-000/file-002.parquet"
+FIRST, LAST, MORE = (f"data/chunk-000/file-00{number}.parquet" for number in (0, 2, 3))
 LIST = "meta/episodes/chunk-000/file-000.parquet"
 
 
-def _unlisted(folder, **changes):
-    """Without the list of episodes, and with a changed description."""
-    shutil.rmtree(folder / "meta/episodes")
-    describe(folder, **changes)
+def late(rows):
+    """Timestamps of which those from frame 30 on are 0.4 s late."""
+    return rows["timestamp"].where(rows.index < 30, rows["timestamp"] + 0.4)
+
+
+def narrow(rows):
+    """Poses, of which frame 5 has two values only."""
+    return [pose[:2] if row == 5 else pose for row, pose in enumerate(rows["pose"])]
 
 
 @pytest.mark.parametrize(
-    ("change", "message"),
+    ("changes", "message"),
     [
-        (lambda folder: (folder / LAST).unlink(), "with episode 4 in data/chunk-000/file-002.parquet: there is no"),
-        (lambda folder: (_unlisted(folder), (folder / FIRST).unlink()), "has 3 of 180: episodes 0 to 1 are missing"),
-        (lambda folder: edit(folder / LAST, lambda rows: rows[:-9]), "episode 4: .*has 51 frames, but .* says 60"),
-        (lambda folder: (_unlisted(folder), edit(folder / LAST, lambda rows: rows[:-9])), "of 300 frames, has 291"),
-        (lambda folder: edit(folder / FIRST, lambda rows: rows.drop(range(20, 28))), "frame 19 is followed by 28"),
-        (lambda folder: edit(folder / LAST, lambda rows: rows[9:]), "begins with frame 9"),
-        (lambda folder: describe(folder, fps=20), "timestamps are 0.03333 s apart, but fps is 20"),
-        (lambda folder: edit(folder / LAST, lambda rows: rows.assign(timestamp=rows["timestamp"].where(
-            rows.index < 30, rows["timestamp"] + 0.4))), "frame 30 comes 0.4333 s after frame 29"),
-        (lambda folder: describe(folder, total_episodes=50), "lists episodes 0 to 4, but .* says 50 episodes"),
-        (lambda folder: describe(folder, total_frames=301), "lists 300 frames, but .* says total_frames 301"),
-        (lambda folder: edit(folder / LIST, lambda rows: rows.assign(dataset_to_index=7)), "but its frames go from"),
-        (lambda folder: edit(folder / LIST, lambda rows: rows[:4]), "lists episodes 0 to 3, but"),
-        (lambda folder: shutil.copy(folder / FIRST, folder / LAST), "holds episodes 0 to 1, but the set has episode 4"),
-        (lambda folder: (_unlisted(folder), shutil.copy(folder / FIRST, folder / LAST)), "0 is both in data.* and in"),
-        (lambda folder: (_unlisted(folder, total_episodes=4)), "holds episode 4, but the set has 4 episodes"),
-        (lambda folder: edit(folder / LAST, lambda rows: rows.assign(pose=rows["pose"].where(
-            rows.index != 5, [np.zeros(2)] * len(rows)))), "file-002.parquet: frame 5: pose has 2 values, not 7"),
+        ([lost(LAST)], "with episode 4 in data/chunk-000/file-002.parquet: there is no such file"),
+        ([unlisted, lost(FIRST)], "5 episodes of 300 frames, has 3 of 180: episodes 0 to 1 are missing"),
+        ([edited(LAST, lambda rows: rows[:-9])], "episode 4: .*has 51 frames, but .* says 60"),
+        ([unlisted, edited(LAST, lambda rows: rows[:-9])], "says 5 episodes of 300 frames, has 291"),
+        ([edited(FIRST, lambda rows: rows.drop(range(20, 28)))], "episode 0: .*frame 19 is followed by 28"),
+        ([edited(LAST, lambda rows: rows[9:])], "episode 4: .*begins with frame 9"),
+        ([described(fps=20)], "timestamps are 0.03333 s apart, but fps is 20, which means 0.05 s"),
+        (
+            [edited(LAST, lambda rows: rows.assign(timestamp=late(rows)))],
+            "frame 30 comes 0.4333 s after",
+        ),
+        ([described(total_episodes=50)], "lists episodes 0 to 4, but meta/info.json says 50 episodes"),
+        ([described(total_frames=301)], "lists 300 frames, but meta/info.json says total_frames 301"),
+        ([edited(LIST, lambda rows: rows.assign(dataset_to_index=7))], "but its frames go from 0 to 7"),
+        ([edited(LIST, lambda rows: rows[:4])], "lists episodes 0 to 3, but meta/info.json says 5"),
+        ([copied(FIRST, LAST)], "holds episodes 0 to 1, but the set has episode 4 there"),
+        (
+            [unlisted, copied(FIRST, MORE)],
+            "episode 0: frame 0 is both in .*000.parquet and in .*003",
+        ),
+        ([unlisted, described(total_episodes=4)], "holds episode 4, but the set has 4 episodes"),
+        ([edited(LAST, lambda rows: rows.assign(pose=narrow(rows)))], "frame 5: pose has 2 values, not 7"),
     ],
-)  # fmt: skip
-def test_what_a_set_says_of_itself_is_held_against_its_frames(pose_set, change, message):
-    change(pose_set)
+)
+def test_what_a_set_says_of_itself_is_held_against_its_frames(pose_set, changes, message):
+    for change in changes:
+        change(pose_set)
     with pytest.raises(InputError, match=message):
         poses(pose_set)
 
 
 def test_files_that_a_set_does_not_name_are_left_out(pose_set):
     expected, left_out = poses(pose_set), {}
-    shutil.copy(pose_set / FIRST, pose_set / "data/chunk-000/file-000 (copy).parquet")
-    shutil.copy(pose_set / FIRST, pose_set / "data/chunk-000/file-003.parquet")  # of an older set
+    copied(FIRST, "data/chunk-000/file-000 (copy).parquet")(pose_set)
+    copied(FIRST, MORE)(pose_set)  # as of an older set with more episodes
     assert np.array_equal(poses(pose_set, left_out=left_out), expected)
     assert [name.rpartition("/")[2] for name in left_out] == ["file-000 (copy).parquet", "file-003.parquet"]
 
 
 def test_a_shape_that_names_and_columns_contradict_is_left_out_and_otherwise_refused(pose_set):
     features, left_out = json.loads((pose_set / "meta/info.json").read_text())["features"], {}
-    describe(pose_set, features=features | {"pose": features["pose"] | {"shape": [8]}})
+    described(features=features | {"pose": features["pose"] | {"shape": [8]}})(pose_set)
     assert poses(pose_set, left_out=left_out)[0].shape == (60, 7)
     assert "shape [8], but it has 7 columns" in next(iter(left_out.values()))
-    describe(pose_set, features=features | {"pose": {"shape": [8], "names": None}})
+    described(features=features | {"pose": {"shape": [8], "names": None}})(pose_set)
     with pytest.raises(InputError, match=r"shape \[8\], but it has 7 columns"):
         poses(pose_set, "pose[0:7]")
 
 
 def test_an_episode_that_fails_is_left_out_if_the_entry_says_so(pose_set):
-    edit(pose_set / FIRST, lambda rows: rows.drop(range(20, 28)))
+    edited(FIRST, lambda rows: rows.drop(range(20, 28)))(pose_set)
     left_out, going_on = {}, entry("pose")
     segment = going_on.segment.model_copy(update={"skip_failures": True})
     read = read_movement(pose_set, going_on.model_copy(update={"segment": segment}), left_out)

@@ -169,9 +169,9 @@ def pose_columns(topic: str, columns: Columns) -> Columns:
             "numbers those, from 0 on"
         )
     if whole and count == 7:
-        first, last = (f"{topic}[{places}]" for places in ("0, 1, 2, 3, 4, 5, 6", "0, 1, 2, 6, 3, 4, 5"))
         raise InputError(
-            f"{topic} has 7 columns without names: {first} if qw is the fourth, {last} if the last"
+            f"{topic} has 7 columns without names: {topic}[0:7] if qw is the fourth, {topic}[0:3, 6, 3:6] if "
+            "it is the last"
         )
     return columns.named((*POSITION, *TURN)[:count], range(count))
 

@@ -119,19 +119,19 @@ def check_episode(where: str, frames: pd.DataFrame, fps: float) -> None:
         return
     times = frames[TIME].to_numpy(float)
     steps = np.diff(times)
-    step, whole = float(np.median(steps)), float(times[-1] - times[0])
+    step = float(np.median(steps))
     if not np.isfinite(times).all():
         raise InputError(f"{where}: frame {int(np.argmin(np.isfinite(times)))} has the timestamp nan")
-    tolerance = max(SHARE_OF_FRAME, SHARE_OF_EPISODE * (count - 1)) / fps
-    if abs(step - 1.0 / fps) > SHARE_OF_EPISODE / fps or abs(whole - (count - 1) / fps) > tolerance:
-        mean = step if abs(step - 1.0 / fps) > SHARE_OF_EPISODE / fps else whole / (count - 1)
-        raise InputError(
-            f"{where}: timestamps are {mean:.4g} s apart, but fps is {fps:g}, which means {1.0 / fps:.4g} s"
-        )
-    if (off := np.abs(steps - 1.0 / fps) > SHARE_OF_FRAME / fps).any():
+    off = np.abs(steps - 1.0 / fps) > SHARE_OF_FRAME / fps
+    if off.any() and abs(step - 1.0 / fps) <= SHARE_OF_EPISODE / fps:
         row = int(np.argmax(off))
         raise InputError(
             f"{where}: frame {row + 1} comes {steps[row]:.4g} s after frame {row}, but fps is {fps:g}"
+        )
+    mean = float(times[-1] - times[0]) / (count - 1)
+    if abs(mean - 1.0 / fps) > max(SHARE_OF_FRAME / (count - 1), SHARE_OF_EPISODE) / fps:
+        raise InputError(
+            f"{where}: timestamps are {mean:.4g} s apart, but fps is {fps:g}, which means {1.0 / fps:.4g} s"
         )
 
 
