@@ -239,19 +239,18 @@ def _check_units(
     name, (lower, upper) = list(ranges.items())[place]
     middle = 0.5 * (lower + upper) if pose.units is None else np.degrees(0.5 * (lower + upper))
     value = angles[np.abs(angles[:, place] - middle).argmax(), place]
-    limit = upper if value > middle else lower
+    limit, unit = (upper if value > middle else lower), "rad"
     if pose.units == "deg":
-        raise InputError(
-            f"{where}: {name} goes to {value:.4g} degrees, beyond its limit of {np.degrees(limit):.4g} in "
-            f"{pose.urdf}"
-        )
-    offer = "degrees? then `units: deg` beside `urdf`"
-    if farthest(np.radians(angles)) is not None:
-        offer = "as degrees, too: in which units is it?"
-    raise InputError(
-        f"{where}: {name} goes to {value:.4g}, beyond its limit of {limit:.3g} rad in {pose.urdf}: {offer}; "
-        "`units: rad` reads it as it is"
-    )
+        limit, unit = np.degrees(limit), "degrees"
+    known = f"beyond its limit of {limit:.4g} {unit} in {pose.urdf}"
+    if (lower, upper) == (-WOUND, WOUND):
+        known = f"which are more than two turns in {unit}"
+    offer = ""
+    if pose.units is None and farthest(np.radians(angles)) is None:
+        offer = ": degrees? then `units: deg` beside `urdf`; `units: rad` reads it as it is"
+    elif pose.units is None:
+        offer = ", as degrees too: in which units is it? `units: rad` reads it as it is"
+    raise InputError(f"{where}: {name} goes to {value:.4g}, {known}{offer}")
 
 
 def _kinematics(path: Path, tip: str) -> tuple[Any, int, dict[str, Any]]:
