@@ -62,7 +62,10 @@ def feature_of(features: Mapping[str, Any], topic: str) -> str:
 
 
 def flat_names(names: Any) -> tuple[str, ...]:
-    """Names of columns from any of the forms in which sets give them; empty if there are none."""
+    """Names of columns from any of the forms in which sets give them; empty if there are none.
+
+    Raises TypeError: it has another form.
+    """
     if isinstance(names, Mapping):
         if names and all(type(place) is int for place in names.values()):
             return tuple(sorted(map(str, names), key=lambda name: names[name]))
@@ -72,14 +75,17 @@ def flat_names(names: Any) -> tuple[str, ...]:
             return tuple(flat)
         return tuple(f"{group}.{name}" for group, part in parts.items() for name in part)
     if isinstance(names, list | tuple):
-        return tuple(name for part in names for name in flat_names(part))
-    return () if names is None else (str(names),)
+        words = (str(part) if type(part) is int else part for part in names)  # columns named by numbers
+        return tuple(name for part in words for name in flat_names(part))
+    if names is None or isinstance(names, str):
+        return () if names is None else (names,)
+    raise TypeError(f"names of columns are {names!r}")
 
 
 def table_of(frames: pd.DataFrame, feature: str) -> np.ndarray:
     """(T, D) values of a feature with one number or list of numbers, also nested, per frame.
 
-    Raises InputError: a frame has something else, or another number of values than the one before.
+    Raises ValueError: a frame has something else, or another number of values than the first one.
     """
     column = frames[feature]
     if pd.api.types.is_numeric_dtype(column):
@@ -89,10 +95,10 @@ def table_of(frames: pd.DataFrame, feature: str) -> np.ndarray:
         try:
             values = np.asarray(value.tolist() if isinstance(value, np.ndarray) else value, dtype=float)
         except (TypeError, ValueError) as error:
-            raise InputError(f"{_at(frames, row)}: {feature} is not made of numbers: {error}") from error
+            raise ValueError(f"{_at(frames, row)}: {feature} is not made of numbers: {error}") from error
         rows.append(values.reshape(-1))
         if len(rows[row]) != len(rows[0]):
-            raise InputError(f"{_at(frames, row)}: {feature} has {len(rows[row])} values, not {len(rows[0])}")
+            raise ValueError(f"{_at(frames, row)}: {feature} has {len(rows[row])} values, not {len(rows[0])}")
     return np.stack(rows)
 
 

@@ -33,6 +33,7 @@ EPISODE, FRAME, TIME, FILE = "episode_index", "frame_index", "timestamp", "file 
 CHUNK_INDEX, FILE_INDEX = "data/chunk_index", "data/file_index"
 FROM, TO = "dataset_from_index", "dataset_to_index"
 
+LISTING = re.compile(r"/chunk-\d+/file-\d+\.parquet$")  # and no copies
 NOT_WHOLE = "is no whole number"
 MOST_NAMED = 1000  # of missing episodes
 
@@ -118,20 +119,20 @@ def check_episode(where: str, frames: pd.DataFrame, fps: float) -> None:
     if TIME not in frames or count < 2:
         return
     times = frames[TIME].to_numpy(float)
-    steps = np.diff(times)
-    step = float(np.median(steps))
     if not np.isfinite(times).all():
         raise InputError(f"{where}: frame {int(np.argmin(np.isfinite(times)))} has the timestamp nan")
-    off = np.abs(steps - 1.0 / fps) > SHARE_OF_FRAME / fps
-    if off.any() and abs(step - 1.0 / fps) <= SHARE_OF_EPISODE / fps:
+    steps, step = np.diff(times), 1.0 / fps
+    off = np.abs(steps - step) > SHARE_OF_FRAME * step
+    mean, tolerance = float(np.mean(steps)), max(SHARE_OF_FRAME / (count - 1), SHARE_OF_EPISODE) * step
+    median_off = abs(np.median(steps) - step) > SHARE_OF_EPISODE * step
+    if off.any() and not (median_off and abs(mean - step) > tolerance):
         row = int(np.argmax(off))
         raise InputError(
             f"{where}: frame {row + 1} comes {steps[row]:.4g} s after frame {row}, but fps is {fps:g}"
         )
-    mean = float(times[-1] - times[0]) / (count - 1)
-    if abs(mean - 1.0 / fps) > max(SHARE_OF_FRAME / (count - 1), SHARE_OF_EPISODE) / fps:
+    if abs(mean - step) > tolerance:
         raise InputError(
-            f"{where}: timestamps are {mean:.4g} s apart, but fps is {fps:g}, which means {1.0 / fps:.4g} s"
+            f"{where}: timestamps are {mean:.4g} s apart, but fps is {fps:g}, which means {step:.4g} s"
         )
 
 
@@ -146,11 +147,11 @@ def check_total(folder: Path, info: Mapping[str, Any], count: int) -> None:
 def _listed_episodes(folder: Path, info: Mapping[str, Any]) -> pd.DataFrame | None:
     """Length and, in v3.0, place of each episode by its number; None: the set does not list them."""
     wanted, optional = [EPISODE, "length"], [CHUNK_INDEX, FILE_INDEX, FROM, TO]
-    if files := sorted((folder / LIST).glob("*/*.parquet")):
-        name, table = LIST, pd.concat([read_parquet(file, wanted, optional) for file in files])
+    files = [path for path in (folder / LIST).glob("*/*.parquet") if LISTING.search(path.as_posix())]
+    if files:
+        name, table = LIST, pd.concat([read_parquet(file, wanted, optional) for file in sorted(files)])
     elif (folder / LINES).is_file():
-        lines = (line for line in read_text(folder / LINES).splitlines() if line.strip())
-        name, table = LINES, pd.DataFrame([json.loads(line) for line in lines])[wanted]
+        name, table = LINES, pd.DataFrame(_lines(folder / LINES, wanted), columns=wanted)
     else:
         return None
     where, total = folder / name, int(info["total_episodes"])
@@ -172,6 +173,17 @@ def _listed_episodes(folder: Path, info: Mapping[str, Any]) -> pd.DataFrame | No
             f"{where}: lists {int(table['length'].sum())} frames, but {INFO} says total_frames {frames}"
         )
     return table
+
+
+def _lines(path: Path, keys: Sequence[str]) -> Iterator[list[Any]]:
+    """Values of some keys of each line of a file of JSON objects."""
+    for number, line in enumerate(read_text(path).splitlines(), start=1):
+        if line.strip():
+            try:
+                values = json.loads(line)
+                yield [values[key] for key in keys]
+            except (ValueError, LookupError, TypeError, RecursionError) as error:
+                raise InputError(f"{path}: line {number}: no object with {', '.join(keys)}") from error
 
 
 def _files(

@@ -137,7 +137,7 @@ def _pose_warnings(seen: SourceSeen, hand: HandCandidate, others: Sequence[HandC
     if missing := [file.name for file in seen.files if file.name not in hand.paths]:
         yield f"not in {_listed(missing)}, which cannot be read by this entry"
     if isinstance(hand.source, JointPose) and hand.source.units:
-        yield "angles in rad would be beyond the URDF's limits: degrees?"
+        yield "angles in rad would be beyond the URDF's limits: degrees? or no angles, but shares of a range?"
     if isinstance(hand.source, JointPose) and hand.source.joints and seen.files[0].format == LEROBOT:
         yield "joints are matched by their order: are these the same?"
     if isinstance(hand.source, str) and hand.source.endswith("[0:7]"):
