@@ -25,7 +25,6 @@ from structlearn.readers.lerobot_columns import (
     Columns,
     columns_of,
     feature_of,
-    flat_names,
     joint_columns,
     pose_columns,
     shape_fault,
@@ -56,11 +55,10 @@ class Episode(NamedTuple):
     frames: pd.DataFrame  # (T, ..)
     features: Mapping[str, Any]  # as described by the set
 
-    def columns(self, topic: str) -> tuple[Columns, np.ndarray]:
-        """Columns that a topic names, and their values (T, D)."""
-        values = table_of(self.frames, feature_of(self.features, topic))
-        columns = columns_of(self.features, topic, values.shape[1])
-        return columns, values.take(columns.places, axis=1)
+    def columns(self, topic: str) -> Columns:
+        """Columns that a topic names."""
+        first = table_of(self.frames.iloc[:1], feature_of(self.features, topic))
+        return columns_of(self.features, topic, first.shape[1])
 
     def values(self, columns: Columns) -> np.ndarray:
         """(T, D) values of columns."""
@@ -68,14 +66,14 @@ class Episode(NamedTuple):
 
     def joints(self, topic: str) -> JointSeries:
         """Joint positions as they were recorded."""
-        columns = joint_columns(self.columns(topic)[0])
+        columns = joint_columns(self.columns(topic))
         return JointSeries(topic, columns.names, 0, self.stamps, {"joint_positions": self.values(columns)})
 
     def pose(self, source: str | JointPose) -> tuple[Stream, bool]:
         """Pose from a feature or computed from joints, and whether it has a recorded orientation."""
         if isinstance(source, JointPose):
             return joint_pose(f"{self.where}: {source.topic}", [self.joints(source.topic)], source), True
-        columns = pose_columns(source, self.columns(source)[0])
+        columns = pose_columns(source, self.columns(source))
         values = self.values(columns)
         if oriented := len(columns.places) > 3:
             return Stream(source, "pose", self.stamps, values), oriented
@@ -118,12 +116,10 @@ def read_episodes(
     `left_out`: gets what else is in the folder but not read; `failed`: episodes that are incomplete.
     """
     frames = read_frames(folder, info, list(dict.fromkeys(features)), left_out)
-    for feature in dict.fromkeys(features):
+    for feature in features:
         width = table_of(frames.iloc[:1], feature).shape[1]
         if fault := shape_fault(info["features"], feature, width):
-            if len(flat_names(info["features"][feature].get("names"))) != width:
-                raise InputError(fault)
-            left_out[f"{INFO}: shape of {feature}"] = f"{folder}: {fault}, like its names"
+            left_out[f"{INFO}: shape of {feature}"] = f"{folder}: {fault}"
     digits, fps = len(str(int(info["total_episodes"]) - 1)), float(info["fps"])
     for number, its in frames.groupby(EPISODE, sort=True):
         name = f"episode {number:0{digits}d}"
@@ -151,10 +147,10 @@ def _recording(folder: Path, episode: Episode, topics: TopicMap) -> Recording:
             if isinstance(topics.pose, JointPose) and topics.pose.topic == topic:
                 joints[-1] = in_radians(joints[-1], topics.pose)
         elif role in KINDS:
-            columns, values = episode.columns(topic)
+            columns = episode.columns(topic)
             if role == "wrench":
-                values = episode.values(wrench_columns(topic, columns))
-            streams.append(Stream(topic, KINDS[role], episode.stamps, values))
+                columns = wrench_columns(topic, columns)
+            streams.append(Stream(topic, KINDS[role], episode.stamps, episode.values(columns)))
     if topics.joints is not None:
         joints, _ = chosen(episode.where, joints, topics.joints)
     streams[1:1] = [stream for series in joints for stream in series.streams()]

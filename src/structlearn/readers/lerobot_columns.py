@@ -105,7 +105,8 @@ def table_of(frames: pd.DataFrame, feature: str) -> np.ndarray:
 def columns_of(features: Mapping[str, Any], topic: str, width: int) -> Columns:
     """Columns that a topic names, of a feature with `width` columns.
 
-    Raises InputError: names and columns differ in number, or there is no such column.
+    Raises InputError: there is no such column; or the feature has another number of columns than names or,
+    without names, than its shape says.
     """
     feature = feature_of(features, topic)
     names = flat_names(features[feature].get("names"))
@@ -113,6 +114,8 @@ def columns_of(features: Mapping[str, Any], topic: str, width: int) -> Columns:
         names = ()
     if names and len(names) != width:
         raise InputError(f"{INFO} names {len(names)} columns of {feature}, but it has {width}")
+    if not names and (fault := shape_fault(features, feature, width)):
+        raise InputError(fault)
     if topic == feature:
         return Columns(feature, tuple(range(width)), names)
     places: list[int] = []
@@ -138,7 +141,7 @@ def columns_of(features: Mapping[str, Any], topic: str, width: int) -> Columns:
 
 
 def shape_fault(features: Mapping[str, Any], feature: str, width: int) -> str:
-    """How the shape that the set gives differs from the feature's width; empty if it does not."""
+    """How the shape that a set states differs from the feature's width; empty if it does not."""
     shape = features[feature].get("shape")
     if not isinstance(shape, list | tuple) or not all(isinstance(size, int) for size in shape):
         return ""

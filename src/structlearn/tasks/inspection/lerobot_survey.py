@@ -20,7 +20,6 @@ from structlearn.readers.lerobot_columns import (
     TURN,
     Columns,
     feature_of,
-    joint_columns,
     named_poses,
     selection,
     wrench_columns,
@@ -105,26 +104,30 @@ def _episode_seen(episode: Episode, features: list[str], urdf: str | None) -> Fi
 def _topics(episode: Episode, feature: str, clock: Stamps) -> Iterator[tuple[str, TopicSeen]]:
     """A feature as a topic, or the poses among its columns."""
     clocks, series = TopicClocks(clock, clock, 0.0), [clock]
-    columns, values = episode.columns(feature)
+    role = str(episode.features[feature].get("dtype", "numbers"))
+    try:
+        columns = episode.columns(feature)
+    except InputError as error:
+        yield feature, TopicSeen((role,), clocks, series=series, fault=str(error))
+        return
     if ACTION.match(feature):
         yield feature, TopicSeen(("action",), clocks, series=series)
         return
-    poses = list(_poses(feature, columns, values))
+    poses = list(_poses(episode, feature, columns))
     yield from ((topic, TopicSeen(("pose",), clocks, series=series)) for topic in poses)
     if feature in poses:
         return
     joints = []
-    role = f"{episode.features[feature].get('dtype', 'numbers')}"
     if _is_wrench(feature, columns):
         role = "wrench"
     elif TOUCH.search(feature):
         role = "tactile"
     elif not poses and len(columns.places) > 1 and (columns.names or STATE.search(feature)):
-        role, joints = "joint_states", [episode.joints(feature)] if joint_columns(columns).names else []
+        role, joints = "joint_states", [episode.joints(feature)]
     yield feature, TopicSeen((role,), clocks, joints, series=series)
 
 
-def _poses(feature: str, columns: Columns, values: np.ndarray) -> Iterator[str]:
+def _poses(episode: Episode, feature: str, columns: Columns) -> Iterator[str]:
     """Topics of the poses, or else positions, among a feature's columns."""
     ways = named_poses(columns.names)
     for places in ways:
@@ -132,7 +135,7 @@ def _poses(feature: str, columns: Columns, values: np.ndarray) -> Iterator[str]:
         yield feature if whole else selection(columns, places)
     if columns.names or not HAND.search(feature):
         return
-    norms = np.linalg.norm(values[:, 3:], axis=1)
+    norms = np.linalg.norm(episode.values(columns)[:, 3:], axis=1)
     if len(columns.places) == 3:
         yield feature
     elif len(columns.places) == 7 and (np.abs(norms - 1.0) <= NORM_TOLERANCE).all():
