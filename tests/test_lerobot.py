@@ -335,7 +335,7 @@ def test_degrees_are_asked_for_and_read(tmp_path, names):
     pose = JointPose(urdf=KUKA, tip=KUKA_TIP, topic=topic, joints=renamed)
     in_degrees = pose.model_copy(update={"units": "deg"})
     (expected,) = poses(tmp_path / "rad", pose)
-    with pytest.raises(InputError, match=r"joint_4 goes to -.*, beyond its limit of -2.09 rad.*: degrees\?"):
+    with pytest.raises(InputError, match=r"joint_4 goes to -.*, beyond its limit of -2.094 rad.*: degrees\?"):
         poses(tmp_path / "deg", pose)
     (read,) = read_movement(tmp_path / "deg", entry(in_degrees, joint_states=(topic,)), {})
     assert read.streams[0].values == pytest.approx(expected, abs=1e-5)

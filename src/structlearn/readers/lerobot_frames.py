@@ -157,7 +157,7 @@ def _listed_episodes(folder: Path, info: Mapping[str, Any]) -> pd.DataFrame | No
     where, total = folder / name, int(info["total_episodes"])
     if not all(pd.api.types.is_integer_dtype(table[column]) for column in wanted):
         raise InputError(f"{where}: {' or '.join(wanted)} has something that {NOT_WHOLE}")
-    table = table.set_index(EPISODE).sort_index()
+    table = table.set_index(EPISODE).sort_index(kind="stable")
     if len(table) != total or (table.index != np.arange(total)).any():
         listed = _ranges(table.index.tolist())
         raise InputError(f"{where}: lists {listed}, but {INFO} says {total} episodes")
