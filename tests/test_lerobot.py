@@ -372,6 +372,16 @@ def test_inspection_finds_poses_among_columns(tmp_path):
     assert find_out(str(folder)).proposal.entry["topics"] == {"pose": "state[x, y, z]"}
 
 
+def test_inspection_leaves_out_what_the_import_would_refuse(pose_set):
+    edited(FIRST, lambda rows: rows.drop(range(20, 28)))(pose_set)
+    report = find_out(str(pose_set))
+    assert report.proposal.entry["segment"]["skip_failures"] is True
+    assert "# leaves out episode 0" in "\n".join(as_yaml(report.proposal))
+    lines = "\n".join(report_lines(report))
+    assert "episode 0: left out: " in lines
+    assert "frame 19 is followed by 28" in lines
+
+
 def test_a_set_without_frames_is_refused_by_inspection(tmp_path):
     (tmp_path / "meta").mkdir()
     describing = {"codebase_version": "v3.0", "total_episodes": 1, "fps": 30, "features": {}}

@@ -69,7 +69,11 @@ def propose(
         if seen.urdf is not None and isinstance(arm.source, JointPose):
             entry["robot"] = _robot(seen, seen.urdf, arm.source)
             warnings["robot"] = _robot_warnings(hand, arm)
-    if seen.damaged:
+    if entry.get("reader") == LEROBOT:
+        if failed := [name for name in seen.damaged if not name.endswith(".parquet")]:
+            entry["segment"]["skip_failures"] = True
+            warnings["segment.skip_failures"] = [f"leaves out {_listed(failed)}"]
+    elif seen.damaged:
         warnings["source"] = [f"cannot be read, and has to go: {', '.join(seen.damaged)}"]
     return Proposal(
         task_name(seen.source), entry, {key: said for key, said in warnings.items() if said}, read
