@@ -11,7 +11,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from structlearn.readers.messages import READERS
-from structlearn.readers.source import JointPose, TransformPose
+from structlearn.readers.source import JointPose, Role, TransformPose
 from structlearn.rigid_body.urdf import moving_joints
 from structlearn.tasks.inspection.fitness import IN_STEP_S, out_of_step
 from structlearn.tasks.inspection.hand_motion import HandCandidate, MotionSurvey, pose_words
@@ -125,9 +125,9 @@ def _topics(
     return topics, warnings
 
 
-def _of_role(seen: SourceSeen, role: str) -> list[str]:
+def _of_role(seen: SourceSeen, role: Role) -> list[str]:
     """Topics of the role, or with messages that it can be read from, that every file has; sorted by name."""
-    types = {role, *READERS[role]}
+    types = {str(role), *READERS[role]}
     fitting = [
         {name for name, topic in file.topics.items() if topic.clocks and types.issuperset(topic.types)}
         for file in seen.files
