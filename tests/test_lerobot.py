@@ -239,6 +239,8 @@ def test_a_wrench_is_read_in_the_order_of_its_names(pose_set):
     assert wrench[0].tolist() == [3, 4, 5, 0, 1, 2]
     with pytest.raises(InputError, match="pose has x, y, z, qw, qx, qy, qz, not fx"):
         read_movement(pose_set, entry("pose[x, y, z]", wrench="pose"), {})
+    with pytest.raises(InputError, match="pose has x, y, z, qw, qx, qy, qz, which are no joints"):
+        read_movement(pose_set, entry("pose[x, y, z]", joint_states=("pose",)), {})
 
 
 def test_both_layouts_give_the_same_recordings(pose_set, tmp_path):

@@ -66,7 +66,7 @@ class Episode(NamedTuple):
 
     def joints(self, topic: str) -> JointSeries:
         """Joint positions as they were recorded."""
-        columns = joint_columns(self.columns(topic))
+        columns = joint_columns(topic, self.columns(topic))
         return JointSeries(topic, columns.names, 0, self.stamps, {"joint_positions": self.values(columns)})
 
     def pose(self, source: str | JointPose) -> tuple[Stream, bool]:

@@ -216,8 +216,13 @@ def wrench_columns(topic: str, columns: Columns) -> Columns:
     return columns
 
 
-def joint_columns(columns: Columns) -> Columns:
-    """Columns of joint positions under the joints' names; without names, these are the columns' numbers."""
+def joint_columns(topic: str, columns: Columns) -> Columns:
+    """Columns of joint positions under the joints' names; without names, these are the columns' numbers.
+
+    Raises InputError: these are a pose.
+    """
+    if any(len(places) == len(columns.places) for places in named_poses(columns.names)):
+        raise InputError(f"{topic} has {', '.join(columns.names)}, which are no joints")
     names = columns.names or tuple(map(str, columns.places))
     kept = [place for place, name in enumerate(names) if not name.endswith(OTHER_FIELDS)]
     return columns.named([names[place].removesuffix(POSITIONS) for place in kept], kept)
