@@ -32,7 +32,7 @@ from structlearn.readers.bag_recording import to_metadata
 from structlearn.readers.demonstration import Demonstration, Kind, Recording, Stream, read_runs
 from structlearn.readers.messages import joint_messages, to_messages
 from structlearn.readers.raw_messages import RawMessages, write_bag
-from structlearn.rigid_body.urdf import urdf_path
+from structlearn.readers.urdf_file import urdf_path
 from structlearn.segmentation.segments import Segmentation
 from structlearn.tasks.inspection.recordings_report import as_yaml, find_out
 from structlearn.tasks.movement import recordings

@@ -27,7 +27,7 @@ from structlearn.readers.bag_recording import to_metadata
 from structlearn.readers.demonstration import Kind, Recording, Stream
 from structlearn.readers.messages import joint_messages, to_messages
 from structlearn.readers.raw_messages import RawMessages, write_bag
-from structlearn.rigid_body.urdf import urdf_path
+from structlearn.readers.urdf_file import urdf_path
 
 POSE, JOINTS, WRENCH = "/gripper/pose", "/joint_states", "/wrist/wrench"
 TOPICS = {"pose": POSE, "joint_states": [JOINTS], "wrench": WRENCH}

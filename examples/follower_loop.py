@@ -14,8 +14,8 @@ import numpy as np
 from structlearn.core.stage import run
 from structlearn.feedback import Controller, read_skill
 from structlearn.primitives.sequence import default_start
+from structlearn.readers.urdf_file import urdf_path
 from structlearn.rigid_body import Follower, read_arm
-from structlearn.rigid_body.urdf import urdf_path
 
 URDF, TIP = "franka_panda/panda.urdf", "panda_grasptarget"
 FINGERS = ("panda_finger_joint1", "panda_finger_joint2")

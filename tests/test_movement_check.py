@@ -18,9 +18,10 @@ from structlearn.core import quaternion
 from structlearn.core.errors import InputError
 from structlearn.feedback.skill import ReactiveSkill, Workspace
 from structlearn.primitives.transformation import ALPHA, BETA
+from structlearn.readers.urdf_file import urdf_path
 from structlearn.reporting.document import Document, Panel, Source, render
 from structlearn.rigid_body.arm_kinematics import JointPath, read_arm, read_collision_shapes
-from structlearn.rigid_body.urdf import named_files, urdf_path
+from structlearn.rigid_body.urdf import named_files
 from structlearn.tasks.movement import check_results, check_section, skill_check
 from structlearn.tasks.movement.parameters import Placement
 from structlearn.tasks.movement.skill_check import Unroll, unrolls

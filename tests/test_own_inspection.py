@@ -14,7 +14,7 @@ from dissertation.simulation.pick_and_place import TIP, URDF, takes, write_takes
 from structlearn.core.errors import InputError
 from structlearn.readers import raw_messages
 from structlearn.readers.computed_pose import TransformSeries
-from structlearn.rigid_body.urdf import urdf_path
+from structlearn.readers.urdf_file import urdf_path
 from structlearn.tasks.inspection.proposal import from_home, task_name
 from structlearn.tasks.inspection.recordings_report import as_yaml, find_out, inspect_source
 from structlearn.tasks.inspection.source_survey import frame_pairs

@@ -43,9 +43,9 @@ def arm(tmp_path):
     return tmp_path / "arm.urdf"
 
 
-def read_arm(path, messages, urdf, tip, joints=None, **topics):
+def read_arm(path, messages, urdf, tip, joints=None, units=None, **topics):
     """The pose of a link by the joint states of a bag, of which some joints may be renamed."""
-    pose = {"urdf": str(urdf), "tip": tip, "topic": "/joint_states", "joints": joints or {}}
+    pose = {"urdf": str(urdf), "tip": tip, "topic": "/joint_states", "joints": joints or {}, "units": units}
     return read_messages(path / "bag.mcap", messages, pose=pose, **topics)
 
 
@@ -131,6 +131,55 @@ def test_what_is_missing_is_named(arm, tmp_path, names, tip, complaint):
     positions = np.zeros((len(STAMPS), len(names) or 2))
     with pytest.raises(InputError, match=complaint):
         read_arm(tmp_path, joint_messages(STAMPS, names, positions), arm, tip)
+
+
+def test_degrees_are_asked_for_by_the_limits_and_read_as_such(arm, tmp_path):
+    """Also in the joint signal; a gripper that slides is in m either way."""
+    time = np.arange(30) * 0.03
+    angles, slide = np.stack([np.sin(time), 0.5 + time], axis=1), 0.1 + 0.1 * time
+    names = ["shoulder", "elbow", "grip"]
+    in_rad, in_deg = (
+        joint_messages(STAMPS, names, np.column_stack([values, slide]))
+        for values in (angles, np.degrees(angles))
+    )
+    signals = {"joint_states": "/joint_states"}
+    expected, joints = read_arm(tmp_path, in_rad, arm, "finger", **signals).streams
+    with pytest.raises(InputError, match=r"elbow goes to 78.5.*, which are more than two turns.*: degrees\?"):
+        read_arm(tmp_path, in_deg, arm, "finger")
+    pose, read = read_arm(tmp_path, in_deg, arm, "finger", units="deg", **signals).streams
+    assert_same_poses(pose.values, expected.values)
+    np.testing.assert_allclose(read.values, joints.values, atol=1e-12)
+    with pytest.raises(InputError, match=r"no angle is above 1.37: rad, and not `units: deg`"):
+        read_arm(tmp_path, in_rad, arm, "finger", units="deg")
+    assert len(read_arm(tmp_path, in_deg, arm, "finger", units="rad").streams[0].stamps) == 30
+
+
+def test_joints_of_a_table_may_be_in_degrees(arm, tmp_path):
+    shoulder = np.linspace(60.0, 100.0, 30)
+    rows = [f"{1.0 + 0.01 * row:.2f},0,0,0,{angle!r},20" for row, angle in enumerate(shoulder.tolist())]
+    header = "time_s,x,y,z,position.shoulder,position.elbow"
+    (tmp_path / "a.csv").write_text("\n".join([header, *rows]))
+    pose = {"urdf": str(arm), "tip": "tool", "topic": "/joint_states"}
+    with pytest.raises(InputError, match=r"shoulder goes to 100, beyond its limit of 3 rad in .*: degrees\?"):
+        read_demonstrations(tmp_path, topic_map(pose=pose))
+    (run,) = read_demonstrations(tmp_path, topic_map(pose=pose | {"units": "deg"}), rate_hz=100.0)
+    expected = two_link_pose(np.radians(shoulder), np.radians(20.0) + 0.0 * shoulder)
+    np.testing.assert_allclose(run.position, expected[:, :3], atol=1e-9)
+
+
+def test_limits_of_a_urdf_in_degrees_are_named(arm, tmp_path):
+    arm.write_text(TWO_LINKS.replace('lower="-3" upper="3"', 'lower="-170" upper="170"'))
+    messages = joint_messages(STAMPS, ["shoulder", "elbow"], np.zeros((30, 2)))
+    with pytest.raises(InputError, match=r"joint 'shoulder': limits -170 and 170 are in rad: degrees\?"):
+        read_arm(tmp_path, messages, arm, "tool")
+
+
+def test_a_urdf_of_pybullet_is_found_by_its_name(tmp_path):
+    names = [f"panda_joint{number}" for number in range(1, 8)]
+    messages = joint_messages(STAMPS, names, np.zeros((30, 7)) - 0.1)
+    (pose,) = read_arm(tmp_path, messages, "franka_panda/panda.urdf", "panda_hand").streams
+    (expected,) = read_arm(tmp_path, messages, PANDA, "panda_hand").streams
+    np.testing.assert_array_equal(pose.values, expected.values)
 
 
 START = 10**9

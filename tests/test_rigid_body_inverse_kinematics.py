@@ -16,6 +16,7 @@ from dissertation.simulation import compiled_chain
 from structlearn.core import quaternion
 from structlearn.core.errors import InputError
 from structlearn.core.signals import minimum_jerk
+from structlearn.readers.urdf_file import urdf_path
 from structlearn.rigid_body.arm_kinematics import (
     Follower,
     follow,
@@ -26,7 +27,6 @@ from structlearn.rigid_body.arm_kinematics import (
 )
 from structlearn.rigid_body.robot import configuration
 from structlearn.rigid_body.tree import robot_arrays
-from structlearn.rigid_body.urdf import urdf_path
 
 DT = 0.005
 BENT = np.array([0.2, -0.4, 0.1, -2.1, -0.1, 1.8, 0.7])  # rad, an easy configuration of the Panda

@@ -10,6 +10,7 @@ from rigid_body_robots import FILES, FINGERS, ODD, joint, link, pinocchio_torque
 from rigid_body_robots import robot as known_robot
 
 from structlearn.core.errors import InputError
+from structlearn.readers.urdf_file import urdf_path
 from structlearn.rigid_body.dynamics_models import rigid_body_torques
 from structlearn.rigid_body.inertia_parameters import link_inertias, sample_parameters
 from structlearn.rigid_body.motion import Motion
@@ -20,7 +21,6 @@ from structlearn.rigid_body.urdf import (
     moving_joints,
     require_velocities,
     tips,
-    urdf_path,
     write_urdf,
 )
 

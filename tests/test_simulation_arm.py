@@ -9,9 +9,9 @@ from dissertation.simulation.arm import Payload, carrying
 from dissertation.simulation.bullet_arm import BulletArm, differences
 from dissertation.simulation.compiled_chain import dynamics, workspace
 from structlearn.core.errors import InputError
+from structlearn.readers.urdf_file import urdf_path
 from structlearn.rigid_body import compiled_dynamics
 from structlearn.rigid_body.tree import robot_arrays
-from structlearn.rigid_body.urdf import urdf_path
 
 DT = 1.0 / 250.0
 PAYLOAD = Payload(1.5, (0.01, 0.02, 0.1), 0.04)

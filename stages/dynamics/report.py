@@ -18,9 +18,9 @@ from dissertation.simulation.arm import ArmParameters
 from structlearn.core.artefacts import read_csv
 from structlearn.core.params import Population
 from structlearn.core.stage import run, stage_parameters
+from structlearn.readers.urdf_file import urdf_path
 from structlearn.rigid_body.model_names import ROBOT
 from structlearn.rigid_body.robot import read_urdf
-from structlearn.rigid_body.urdf import urdf_path
 
 import pandas as pd
 

@@ -8,7 +8,7 @@ from dissertation.dynamics.protocol.trainings import DynamicsTrainingParameters
 from dissertation.dynamics.world.joint_logs import RecordMotionParameters
 from dissertation.simulation.arm import ArmParameters
 from structlearn.core.stage import run, stage_parameters
-from structlearn.rigid_body.urdf import urdf_path
+from structlearn.readers.urdf_file import urdf_path
 from structlearn.viewer.recording import publish_recordings
 
 

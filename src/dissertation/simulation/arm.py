@@ -10,9 +10,9 @@ import numpy as np
 from pydantic import Field
 
 from structlearn.core.params import Parameters
+from structlearn.readers.urdf_file import urdf_path
 from structlearn.rigid_body.robot import Robot, read_urdf
 from structlearn.rigid_body.tree import LinkInertias
-from structlearn.rigid_body.urdf import urdf_path
 
 
 @dataclass(frozen=True)

@@ -26,7 +26,7 @@ from structlearn.readers.bag_recording import to_metadata
 from structlearn.readers.demonstration import Kind, Recording, Stream
 from structlearn.readers.messages import joint_messages, to_messages
 from structlearn.readers.raw_messages import RawMessages, write_bag
-from structlearn.rigid_body.urdf import urdf_path
+from structlearn.readers.urdf_file import urdf_path
 
 # Fingertip positions in the arm's base frame, m, and their scatter (std per axis)
 HOME = np.array([0.40, 0.00, 0.45])

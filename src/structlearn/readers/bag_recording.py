@@ -10,7 +10,7 @@ import numpy as np
 from structlearn.core.errors import InputError
 from structlearn.core.used_files import require_file
 from structlearn.readers.clock import MAX_GAP_S, check_recording, synchronise
-from structlearn.readers.computed_pose import joint_pose, transform_pose
+from structlearn.readers.computed_pose import in_radians, joint_pose, transform_pose
 from structlearn.readers.decoded_messages import short_name
 from structlearn.readers.demonstration import JOINT_KINDS, Demonstration, NamedShape, Recording, Stream
 from structlearn.readers.joint_log import JointLog
@@ -336,7 +336,9 @@ class _Reading:
 
     def _joints(self, topic: str) -> list[JointSeries]:
         """Joint states of a topic: of named joints or, in a user's bag, of the largest publisher."""
-        series = self._joint_series(topic)
+        series, pose = self._joint_series(topic), self._topics.pose
+        if isinstance(pose, JointPose) and pose.topic == topic:
+            series = [in_radians(part, pose) for part in series]
         if not self._topics.must_exist or self._topics.joints is not None or not series[0].names:
             return series
         series, others = chosen(f"{self._path}: topic '{topic}'", series, None)

@@ -5,7 +5,8 @@ those on the static topic and those that never change, have no clock. The others
 the slowest (`clock.shared_stamps`): positions are interpolated linearly, orientations by slerp.
 
 With a URDF, Pinocchio computes the pose of a link in the root's frame. Joints are matched by name; those that
-are not between root and tip are ignored.
+are not between root and tip are ignored. Angles in degrees look like fast motion over many turns, so they are
+held against the URDF's limits.
 """
 
 from collections import defaultdict
@@ -26,9 +27,12 @@ from structlearn.readers.joint_streams import JointSeries
 from structlearn.readers.messages import fields_named, nanoseconds, numbers
 from structlearn.readers.raw_messages import RawMessages
 from structlearn.readers.source import JointPose, StampPolicy, TransformPose
-from structlearn.readers.urdf_file import pinocchio_model
+from structlearn.readers.urdf_file import check_limits, pinocchio_model, urdf_path
 
 Edge = tuple[str, str]  # parent and child frame
+
+# rad beyond its limit at which a joint cannot be, far more than calibration errors; without limits, two turns
+BEYOND, WOUND = 0.5, 4.0 * np.pi
 
 
 @dataclass(frozen=True)
@@ -154,7 +158,7 @@ def _named(edge: Edge) -> str:
 
 def joint_pose(where: str, series: Sequence[JointSeries], pose: JointPose) -> Stream:
     """Stream of a link's pose, on the clock of the slowest of its joints (`clock.shared_stamps`)."""
-    model, frame, joints = _kinematics(home_path(pose.urdf), pose.tip)
+    model, frame, joints = _kinematics(urdf_path(str(home_path(pose.urdf))), pose.tip)
     logged = [name for part in series for name in part.names]
     if unknown := [name for name, _ in pose.joints if name not in logged]:
         raise InputError(f"{where}: has no joints {', '.join(unknown)}, which the entry renames")
@@ -177,8 +181,72 @@ def joint_pose(where: str, series: Sequence[JointSeries], pose: JointPose) -> St
         at, stamps = (ticks - ticks[0]).astype(float), (part.stamps - ticks[0]).astype(float)
         sampled = linear(at, stamps, part.values["joint_positions"])
         columns |= dict(zip(part.names, sampled.T, strict=True))
-    positions = np.stack([columns[name] for name in joints], axis=1)
+    recorded = np.stack([columns[name] for name in joints], axis=1)
+    turning = [name for name, joint in joints.items() if _turns(joint)]
+    positions = recorded
+    if pose.units == "deg":
+        positions = np.where([name in turning for name in joints], np.radians(recorded), recorded)
+    if pose.units != "rad":
+        angles = recorded[:, [name in turning for name in joints]]
+        _check_units(where, pose, angles, {name: _range(model, joints[name]) for name in turning})
     return Stream(pose.topic, "pose", ticks, _poses(model, frame, list(joints.values()), positions))
+
+
+def joints_to(urdf: Path, tip: str) -> list[str]:
+    """Names of the joints from the root to a link. Raises InputError: none moves it, or it is no URDF."""
+    return list(_kinematics(urdf, tip)[2])
+
+
+def in_radians(series: JointSeries, pose: JointPose) -> JointSeries:
+    """Series in which the joints that move a pose's link turn in rad and rad/s."""
+    if pose.units != "deg":
+        return series
+    _, _, joints = _kinematics(urdf_path(str(home_path(pose.urdf))), pose.tip)
+    turning = {name for name, joint in joints.items() if _turns(joint)}
+    scales = [np.pi / 180.0 if dict(pose.joints).get(name, name) in turning else 1.0 for name in series.names]
+    values = {
+        kind: signal if kind == "joint_torques" else signal * scales for kind, signal in series.values.items()
+    }
+    return replace(series, values=values)
+
+
+def _check_units(
+    where: str, pose: JointPose, angles: np.ndarray, ranges: Mapping[str, tuple[float, float]]
+) -> None:
+    """Raise InputError if recorded angles (T, n) cannot have the units of the entry.
+
+    `ranges`: lower and upper bound in rad by joint, in the order of the columns.
+    """
+    if not angles.size or not np.isfinite(angles).all():
+        return  # another check names what is not finite
+    low, high = np.array(list(ranges.values())).T
+
+    def farthest(values: np.ndarray) -> int | None:
+        """Joint that goes farthest beyond its bounds; None: all are within."""
+        over = np.maximum(values.max(axis=0) - high, low - values.min(axis=0))
+        return int(over.argmax()) if over.max() > BEYOND else None
+
+    largest = float(np.abs(angles).max())
+    if pose.units == "deg" and largest <= 2.0 * np.pi:
+        raise InputError(f"{where}: no angle is above {largest:.3g}: rad, and not `units: deg`?")
+    place = farthest(angles if pose.units is None else np.radians(angles))
+    if place is None:
+        return
+    name, (lower, upper) = list(ranges.items())[place]
+    middle = 0.5 * (lower + upper) if pose.units is None else np.degrees(0.5 * (lower + upper))
+    value = angles[np.abs(angles[:, place] - middle).argmax(), place]
+    limit, unit = (upper if value > middle else lower), "rad"
+    if pose.units == "deg":
+        limit, unit = np.degrees(limit), "degrees"
+    known = f"beyond its limit of {limit:.4g} {unit} in {pose.urdf}"
+    if (lower, upper) == (-WOUND, WOUND):
+        known = f"which are more than two turns in {unit}"
+    offer = ""
+    if pose.units is None and farthest(np.radians(angles)) is None:
+        offer = ": degrees? then `units: deg` beside `urdf`; `units: rad` reads it as it is"
+    elif pose.units is None:
+        offer = ", as degrees too: in which units is it? `units: rad` reads it as it is"
+    raise InputError(f"{where}: {name} goes to {value:.4g}, {known}{offer}")
 
 
 def _kinematics(path: Path, tip: str) -> tuple[Any, int, dict[str, Any]]:
@@ -198,7 +266,24 @@ def _kinematics(path: Path, tip: str) -> tuple[Any, int, dict[str, Any]]:
     for name, joint in joints.items():
         if joint.nv != 1:
             raise InputError(f"{path}: joint '{name}' is not revolute, continuous or prismatic")
+        if joint.nq == 1 and _turns(joint):
+            check_limits(f"{path}: joint '{name}'", *_limits(model, joint))
     return model, frame, joints
+
+
+def _turns(joint: Any) -> bool:
+    """Whether a joint of Pinocchio's is revolute or continuous."""
+    return str(joint.shortname()).startswith("JointModelR")
+
+
+def _limits(model: Any, joint: Any) -> tuple[float, float]:
+    return float(model.lowerPositionLimit[joint.idx_q]), float(model.upperPositionLimit[joint.idx_q])
+
+
+def _range(model: Any, joint: Any) -> tuple[float, float]:
+    """Bounds in rad of a joint; continuous ones and those without limits are seldom wound up."""
+    lower, upper = _limits(model, joint)
+    return (lower, upper) if joint.nq == 1 and lower < upper else (-WOUND, WOUND)
 
 
 def _poses(model: Any, frame: int, joints: Sequence[Any], positions: np.ndarray) -> np.ndarray:

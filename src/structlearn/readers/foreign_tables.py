@@ -124,8 +124,13 @@ def read_arrays(path: Path) -> dict[str, np.ndarray]:
         raise InputError(f"{path}: cannot be read as arrays: {error}") from error
 
 
-def read_parquet(path: Path, needed: Sequence[str] | None = None) -> pd.DataFrame:
-    """Columns of a Parquet table, default: all; strings become categories, which take less memory."""
+def read_parquet(
+    path: Path, needed: Sequence[str] | None = None, optional: Sequence[str] = ()
+) -> pd.DataFrame:
+    """Columns of a Parquet table, default: all; strings become categories, which take less memory.
+
+    `optional`: further columns, which the table may lack.
+    """
     try:
         require_file(path, whole=False)
         schema = pyarrow.parquet.read_schema(path)
@@ -145,6 +150,7 @@ def read_parquet(path: Path, needed: Sequence[str] | None = None) -> pd.DataFram
                 raise InputError(
                     f"{path}: has {about.num_rows} rows of {about.num_columns} columns, too many"
                 )
+            names += [name for name in optional if name in schema.names and name not in names]
             return file.read(columns=names).to_pandas()
     except InputError:
         raise

@@ -1,105 +1,159 @@
-"""The reader `lerobot`: episodes of a LeRobotDataset v3.0 as demonstrations of movements.
+"""The reader `lerobot`: episodes of a LeRobotDataset (v2.x, v3.x) as demonstrations of movements.
 
-The pose is a feature with columns x, y, z and, if orientations were recorded, qw, qx, qy, qz
-(`topics: {pose: observation.pose}`), or is computed by a URDF from joints
+The pose is a feature with columns x, y, z and, if orientations were recorded, qw, qx, qy, qz, in any order
+and among others (`topics: {pose: observation.pose}`), or is computed by a URDF from joints
 (`topics: {pose: {urdf: .., tip: .., topic: observation.state}}`), with the joints' names as column names,
-optionally followed by `.pos`. Other signals are likewise given by the names of their features. Videos are not
-read.
+optionally followed by `.pos`; `units: deg` if they are in degrees. Other signals are likewise given by their
+features, and `observation.state[0:7]` names columns of one (`lerobot_columns`). The frames are held against
+what the set says of itself (`lerobot_frames`). Videos are not read.
 """
 
-import json
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 import pandas as pd
 
 from structlearn.core.artefacts import holding
-from structlearn.core.errors import InputError, MissingInputError
+from structlearn.core.errors import InputError
 from structlearn.readers.clock import check_recording
-from structlearn.readers.computed_pose import joint_pose
+from structlearn.readers.computed_pose import in_radians, joint_pose
 from structlearn.readers.demonstration import Kind, Recording, Stream
-from structlearn.readers.foreign_tables import read_parquet, read_text
-from structlearn.readers.joint_streams import JointSeries
-from structlearn.readers.source import JointPose
+from structlearn.readers.joint_streams import JointSeries, chosen
+from structlearn.readers.lerobot_columns import (
+    Columns,
+    columns_of,
+    feature_of,
+    joint_columns,
+    pose_columns,
+    shape_fault,
+    table_of,
+    wrench_columns,
+)
+from structlearn.readers.lerobot_frames import (
+    EPISODE,
+    FRAME,
+    INFO,
+    check_episode,
+    check_total,
+    read_frames,
+    read_info,
+)
+from structlearn.readers.source import JointPose, TopicMap, TransformPose
 
-VERSION = "v3."
-POSE = ("x", "y", "z", "qw", "qx", "qy", "qz")
-GROUPED_BY = "episode_index"
 # Kind of stream by the role of a feature's topic, except for the pose
 KINDS: Mapping[str, Kind] = {"joint_states": "joint_positions", "wrench": "wrench", "tactile": "tactile"}
 
 
+class Episode(NamedTuple):
+    """Frames of one episode with some features."""
+
+    name: str
+    where: str  # set and name, for messages
+    stamps: np.ndarray  # (T,) int64 ns from 0, by the set's frames per second
+    frames: pd.DataFrame  # (T, ..)
+    features: Mapping[str, Any]  # as described by the set
+
+    def columns(self, topic: str) -> Columns:
+        """Columns that a topic names."""
+        first = table_of(self.frames.iloc[:1], feature_of(self.features, topic))
+        return columns_of(self.features, topic, first.shape[1])
+
+    def values(self, columns: Columns) -> np.ndarray:
+        """(T, D) values of columns."""
+        return table_of(self.frames, columns.feature).take(columns.places, axis=1)
+
+    def joints(self, topic: str) -> JointSeries:
+        """Joint positions as they were recorded."""
+        columns = joint_columns(topic, self.columns(topic))
+        return JointSeries(topic, columns.names, 0, self.stamps, {"joint_positions": self.values(columns)})
+
+    def pose(self, source: str | JointPose) -> tuple[Stream, bool]:
+        """Pose from a feature or computed from joints, and whether it has a recorded orientation."""
+        if isinstance(source, JointPose):
+            return joint_pose(f"{self.where}: {source.topic}", [self.joints(source.topic)], source), True
+        columns = pose_columns(source, self.columns(source))
+        values = self.values(columns)
+        if oriented := len(columns.places) > 3:
+            return Stream(source, "pose", self.stamps, values), oriented
+        turns = np.tile([1.0, 0.0, 0.0, 0.0], (len(values), 1))
+        return Stream(source, "pose", self.stamps, np.hstack([values, turns])), oriented
+
+
 def read_movement(folder: Path, entry: Any, left_out: dict[str, str]) -> list[Recording]:
-    """Every episode, named by its number, with the signals of the entry's topics."""
-    topics, recordings = entry.topics, []
+    """Every episode, named by its number, with the signals of the entry's topics.
+
+    Episodes that fail are left out if the entry says so (`skip_failures`). Raises InputError: an episode
+    fails, or the set contradicts itself.
+    """
+    topics, recordings, failed = entry.topics, list[Recording](), dict[str, InputError]()
     with holding(folder, "LeRobotDataset that can be read"):
+        if isinstance(topics.pose, TransformPose):
+            raise InputError(f"has no transforms, so {topics.pose.topic} cannot give its pose")
         info = read_info(folder)
-        features = info["features"]
-        for name in topics.topics:
-            if name not in features:
-                raise InputError(f"{folder}: has no feature {name}; it has {', '.join(features)}")
-        signals = [(KINDS[role], name) for name, role in topics.roles() if role in KINDS]
-        digits = len(str(info["total_episodes"] - 1))
-        for number, frames in read_frames(folder, topics.topics).groupby(GROUPED_BY, sort=True):
-            name = f"episode {number:0{digits}d}"
-            stamps = np.round(1e9 * frames["frame_index"].to_numpy() / float(info["fps"])).astype(np.int64)
-            columns = {name: np.stack(frames[name].to_numpy()).astype(float) for name in topics.topics}
-            provenance = {"origin": "recorded", "source": f"LeRobotDataset {folder.name}, {name}"}
-            where = f"{folder}: {name}"
-            if isinstance(topics.pose, JointPose):
-                angles: dict[Kind, np.ndarray] = {"joint_positions": columns[topics.pose.topic]}
-                joints = _joints(features[topics.pose.topic])
-                series = JointSeries(topics.pose.topic, joints, 0, stamps, angles)
-                pose = joint_pose(where, [series], topics.pose).values  # noqa: PD011 - of a stream
-            elif (axes := tuple(features[topics.pose]["names"] or ())) in (POSE, POSE[:3]):
-                pose = columns[topics.pose]
-            else:
-                listing = f"{topics.pose} has the columns {', '.join(axes)}"
-                raise InputError(f"{where}: {listing}, not {', '.join(POSE)}")
-            if pose.shape[1] == 3:  # orientation not recorded
-                pose = np.hstack([pose, np.tile([1.0, 0.0, 0.0, 0.0], (len(stamps), 1))])
-                provenance["orientation"] = "not recorded"
-            streams = [Stream("pose", "pose", stamps, pose)]
-            for kind, feature in signals:
-                joints = _joints(features[feature]) if kind == "joint_positions" else ()
-                streams.append(Stream(feature, kind, stamps, columns[feature], joints))
-            recordings.append(Recording(name, tuple(streams), provenance=provenance))
-            check_recording(recordings[-1])
+        features = [feature_of(info["features"], topic) for topic in topics.topics]
+        for episode in read_episodes(folder, info, features, left_out, failed):
+            try:
+                recordings.append(_recording(folder, episode, topics))
+            except InputError as error:
+                failed[episode.name] = error
+        if failed and not (recordings and getattr(entry, "skips_failures", False)):
+            raise next(iter(failed.values()))
+    left_out |= {name: str(error) for name, error in failed.items()}
     return recordings
 
 
-def read_info(folder: Path) -> Mapping[str, Any]:
-    """`meta/info.json`."""
-    path = folder / "meta/info.json"
-    if not path.exists():
-        raise MissingInputError(f"{path}: no such file, so this is no LeRobotDataset")
-    try:
-        info = json.loads(read_text(path))
-        version, _ = str(info["codebase_version"]), info["features"]
-        if not (1e-3 < float(info["fps"]) < 1e6 and 0 < int(info["total_episodes"]) < 1e9):
-            raise ValueError("fps and total_episodes must be positive, and less than 1e6 and 1e9")
-    except (ValueError, KeyError, TypeError, OverflowError, RecursionError) as error:
-        raise InputError(f"{path}: not the description of a LeRobotDataset: {error!r}") from error
-    if not version.startswith(VERSION):
-        raise InputError(f"{path}: is of version {version}, not {VERSION}0; lerobot converts it")
-    return info
+def read_episodes(
+    folder: Path,
+    info: Mapping[str, Any],
+    features: Sequence[str],
+    left_out: dict[str, str],
+    failed: dict[str, InputError],
+) -> Iterator[Episode]:
+    """Episodes with some features, in order.
+
+    `left_out`: gets what else is in the folder but not read; `failed`: episodes that are incomplete.
+    """
+    frames = read_frames(folder, info, list(dict.fromkeys(features)), left_out)
+    for feature in features:
+        width = table_of(frames.iloc[:1], feature).shape[1]
+        if fault := shape_fault(info["features"], feature, width):
+            left_out[f"{INFO}: shape of {feature}"] = f"{folder}: {fault}"
+    digits, fps = len(str(int(info["total_episodes"]) - 1)), float(info["fps"])
+    for number, its in frames.groupby(EPISODE, sort=True):
+        name = f"episode {number:0{digits}d}"
+        try:
+            check_episode(f"{folder}: {name}", its, fps)
+        except InputError as error:
+            failed[name] = error
+            continue
+        stamps = np.round(1e9 * its[FRAME].to_numpy() / fps).astype(np.int64)
+        yield Episode(name, f"{folder}: {name}", stamps, its, info["features"])
+    if not failed:
+        check_total(folder, info, len(frames))
 
 
-def read_frames(folder: Path, features: list[str]) -> pd.DataFrame:
-    """Some features of all frames in order."""
-    files = sorted((folder / "data").glob("chunk-*/file-*.parquet"))
-    if not files:
-        raise InputError(f"{folder}/data: holds no file of frames")
-    numbered, parts = [GROUPED_BY, "frame_index"], []
-    for file in files:
-        frames = read_parquet(file, [*numbered, *features])
-        if not all(pd.api.types.is_integer_dtype(frames[name]) for name in numbered):
-            raise InputError(f"{file}: {' or '.join(numbered)} has something that is no whole number")
-        parts.append(frames)
-    return pd.concat(parts, ignore_index=True).sort_values(numbered, kind="stable")
-
-
-def _joints(feature: Mapping[str, Any]) -> tuple[str, ...]:
-    return tuple(str(name).removesuffix(".pos") for name in feature["names"] or ())
+def _recording(folder: Path, episode: Episode, topics: TopicMap) -> Recording:
+    """Recording of one episode. Raises InputError: it lacks a signal, or a signal fails its check."""
+    provenance = {"origin": "recorded", "source": f"LeRobotDataset {folder.name}, {episode.name}"}
+    pose, oriented = episode.pose(topics.pose)  # type: ignore[arg-type] # transforms are refused before
+    if not oriented:
+        provenance["orientation"] = "not recorded"
+    streams, joints = [pose], []
+    for topic, role in topics.roles():
+        if role == "joint_states":
+            joints.append(episode.joints(topic))
+            if isinstance(topics.pose, JointPose) and topics.pose.topic == topic:
+                joints[-1] = in_radians(joints[-1], topics.pose)
+        elif role in KINDS:
+            columns = episode.columns(topic)
+            if role == "wrench":
+                columns = wrench_columns(topic, columns)
+            streams.append(Stream(topic, KINDS[role], episode.stamps, episode.values(columns)))
+    if topics.joints is not None:
+        joints, _ = chosen(episode.where, joints, topics.joints)
+    streams[1:1] = [stream for series in joints for stream in series.streams()]
+    recording = Recording(episode.name, tuple(streams), provenance=provenance)
+    check_recording(recording)
+    return recording

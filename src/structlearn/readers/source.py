@@ -79,10 +79,15 @@ Topics = Annotated[
 
 JointNames = Annotated[
     tuple[tuple[str, str], ...],
-    BeforeValidator(lambda value: tuple(value.items()) if isinstance(value, Mapping) else value),
+    BeforeValidator(lambda value: _pairs(value) if isinstance(value, Mapping) else value),
     PlainSerializer(dict),
 ]
-"""Mapping from recorded joint names to those of the URDF, where they differ."""
+"""Mapping from recorded joint names, or numbers of columns without names, to those of the URDF."""
+
+
+def _pairs(names: Mapping[Any, Any]) -> tuple[tuple[Any, Any], ...]:
+    return tuple((str(name) if type(name) is int else name, other) for name, other in names.items())
+
 
 MAX_FINGERS = 10  # tactile streams in our own files: two hands
 
@@ -107,6 +112,8 @@ class JointPose(Parameters):
     tip: Topic
     topic: Topic
     joints: JointNames = ()
+    # of the angles that were recorded; None: rad, and refused if the URDF's limits say that they cannot be
+    units: Literal["rad", "deg"] | None = None
 
     @property
     def topics(self) -> tuple[str, ...]:

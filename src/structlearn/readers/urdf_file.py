@@ -6,6 +6,7 @@ without an error: a robot loses the mass of its tool. It gets the XML that was c
 
 import math
 import re
+from importlib.util import find_spec
 from pathlib import Path
 from typing import Any
 from xml.etree import ElementTree
@@ -40,7 +41,23 @@ NUMBERS: dict[str, dict[str, int]] = {
 
 SHAPES = ("visual", "collision")  # are not needed for dynamics
 
+# rad: limits beyond the first are in degrees, beyond the second none are meant
+LIMITS_IN_DEGREES = (8.0 * math.pi, 720.0)
+
 NUMBER = re.compile(r"[+-]?([0-9]+\.?[0-9]*|\.[0-9]+)([eE][+-]?[0-9]+)?")
+
+
+def urdf_path(name: str) -> Path:
+    """Path of a file, or, where `pybullet_data` is installed, of its file such as `kuka_iiwa/model.urdf`.
+
+    Raises InputError: there is neither.
+    """
+    packaged = find_spec("pybullet_data")
+    folders = packaged.submodule_search_locations if packaged else None
+    for path in (Path(name), *(Path(folder, name) for folder in folders or ())):
+        if path.is_file():
+            return path
+    raise InputError(f"urdf: there is no file '{name}', and none of that name in pybullet_data")
 
 
 def robot_element(path: Path) -> ElementTree.Element:
@@ -93,6 +110,13 @@ def _without_namespaces(text: bytes) -> ElementTree.Element:
     parser.CharacterDataHandler = builder.data
     parser.Parse(text, True)
     return builder.close()
+
+
+def check_limits(where: str, lower: float, upper: float) -> None:
+    """Raise InputError if a revolute joint's limits are degrees."""
+    least, most = LIMITS_IN_DEGREES
+    if least < max(abs(lower), abs(upper)) <= most:
+        raise InputError(f"{where}: limits {lower:g} and {upper:g} are in rad: degrees?")
 
 
 def check_numbers(element: ElementTree.Element, where: str) -> None:

@@ -7,7 +7,6 @@ absent limits as [0, 0] and keeps zero axes. Dynamics of such a robot are singul
 import os
 import re
 from collections.abc import Collection, Sequence
-from importlib.util import find_spec
 from pathlib import Path
 from typing import TYPE_CHECKING
 from xml.etree import ElementTree
@@ -16,28 +15,12 @@ import numpy as np
 
 from structlearn.core.errors import InputError
 from structlearn.readers.foreign_tables import natural_order
-from structlearn.readers.urdf_file import INERTIA_ENTRIES, LIMITS, robot_element
+from structlearn.readers.urdf_file import INERTIA_ENTRIES, LIMITS, check_limits, robot_element
 
 if TYPE_CHECKING:
     from structlearn.rigid_body.tree import KinematicTree, LinkInertias
 
 MOVING = ("revolute", "continuous", "prismatic")
-
-# rad: limits of a revolute joint beyond four turns are in degrees; those beyond DEGREES mean that it has none
-MOST_TURNED, DEGREES = 8.0 * np.pi, 720.0
-
-
-def urdf_path(name: str) -> Path:
-    """Path of a file, or, where `pybullet_data` is installed, of its file such as `kuka_iiwa/model.urdf`.
-
-    Raises InputError: there is neither.
-    """
-    packaged = find_spec("pybullet_data")
-    folders = packaged.submodule_search_locations if packaged else None
-    for path in (Path(name), *(Path(folder, name) for folder in folders or ())):
-        if path.is_file():
-            return path
-    raise InputError(f"urdf: there is no file '{name}', and none of that name in pybullet_data")
 
 
 def check_urdf(path: str | Path, locked: Sequence[str]) -> None:
@@ -82,9 +65,8 @@ def _check_joint(joint: ElementTree.Element, where: str) -> None:
         return
     if absent := [key for key in LIMITS if key not in given]:
         raise InputError(f"{where}: <limit> lacks {', '.join(absent)}")
-    largest = max(abs(given["lower"]), abs(given["upper"]))
-    if kind == "revolute" and MOST_TURNED < largest <= DEGREES:
-        raise InputError(f"{where}: limits {given['lower']:g} and {given['upper']:g} are in rad: degrees?")
+    if kind == "revolute":
+        check_limits(where, given["lower"], given["upper"])
     if given["lower"] >= given["upper"]:
         raise InputError(
             f"{where}: lower limit {given['lower']:g} is not below the upper limit {given['upper']:g}"

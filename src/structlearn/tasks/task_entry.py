@@ -171,7 +171,7 @@ def file_digests(source: str, meshes: bool = False) -> dict[str, str]:
     if is_public(source) and not path.exists():
         return {}
     if path.suffix == ".urdf" or meshes:
-        from structlearn.rigid_body.urdf import urdf_path
+        from structlearn.readers.urdf_file import urdf_path
 
         path = urdf_path(str(path))
     if not path.exists():

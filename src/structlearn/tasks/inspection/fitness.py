@@ -11,6 +11,7 @@ from typing import Literal, NamedTuple
 import numpy as np
 
 from structlearn.readers.clock import MAX_GAP_S
+from structlearn.readers.source import JointPose
 from structlearn.tasks.inspection.hand_motion import HandCandidate, MotionSurvey, PoseSource, pose_words
 from structlearn.tasks.inspection.source_survey import SourceSeen
 
@@ -84,7 +85,7 @@ def fitness(
         for joints in present.joints
         if "joint_positions" in joints.values
     ]
-    if turned:
+    if turned and not (hand and isinstance(hand.source, JointPose) and hand.source.units):
         largest, where = max(turned, key=lambda item: item[0])
         verdict = "yes" if largest <= MOST_TURNED else "doubtful"
         question, advice = "Are joints' positions in rad?", f"degrees? look at {where}"

@@ -4,7 +4,7 @@ Choices among several options, and possible problems, are noted beside the key c
 """
 
 import re
-from collections.abc import Collection, Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -12,7 +12,7 @@ import numpy as np
 
 from structlearn.readers.joint_log import unusable_efforts
 from structlearn.readers.messages import READERS
-from structlearn.readers.source import JointPose, TransformPose
+from structlearn.readers.source import JointPose, Role, TransformPose
 from structlearn.rigid_body.urdf import moving_joints
 from structlearn.tasks.inspection.fitness import IN_STEP_S, out_of_step
 from structlearn.tasks.inspection.hand_motion import HandCandidate, MotionSurvey, pose_words
@@ -25,6 +25,8 @@ TOUCH = re.compile(r"tactile|biotac|finger|skin|taxel|touch|press", re.IGNORECAS
 
 # Rotation in degrees at a resting position from which it may be a primitive: ten times the noise of sensors
 TURN_DEG = 3.0
+
+LEROBOT = "lerobot"  # format of files, and reader, of a LeRobotDataset
 
 # Distance in m between a robot's tip and the hand from which they count as different frames
 SAME_START_M = 0.005
@@ -52,7 +54,10 @@ def propose(
     read = [source if isinstance(source, str) else source.topic]  # without static transforms
     read += [topics[kind] for kind in ("joint_states", "wrench") if kind in topics]
     read = list(dict.fromkeys([*read, *topics.get("tactile", [])]))
-    entry: dict[str, Any] = {"source": from_home(seen.source), "topics": topics}
+    entry: dict[str, Any] = {"source": from_home(seen.source)}
+    if seen.files[0].format == LEROBOT:
+        entry["reader"] = LEROBOT
+    entry["topics"] = topics
     stamps, warnings["stamps"] = _stamps(seen, read, hand)
     if warnings["stamps"]:
         entry["stamps"] = stamps
@@ -65,7 +70,11 @@ def propose(
         if seen.urdf is not None and isinstance(arm.source, JointPose):
             entry["robot"] = _robot(seen, seen.urdf, arm.source)
             warnings["robot"] = _robot_warnings(hand, arm)
-    if seen.damaged:
+    if entry.get("reader") == LEROBOT:
+        if failed := [name for name in seen.damaged if not name.endswith(".parquet")]:
+            entry["segment"]["skip_failures"] = True
+            warnings["segment.skip_failures"] = [f"leaves out {_listed(failed)}"]
+    elif seen.damaged:
         warnings["source"] = [f"cannot be read, and has to go: {', '.join(seen.damaged)}"]
     return Proposal(
         task_name(seen.source), entry, {key: said for key, said in warnings.items() if said}, read
@@ -95,7 +104,7 @@ def _topics(
     }
     warnings: dict[str, list[str]] = {"topics.pose": list(_pose_warnings(seen, hand, others))}
     arms = [topic for topic, _ in seen.arms()]
-    states = _of_types(seen, READERS["joint_states"])
+    states = _of_role(seen, "joint_states")
     if arms and (arm := max(sorted(set(arms)), key=arms.count)) in states:
         topics["joint_states"] = arm
         said = warnings["topics.joint_states"] = []
@@ -104,10 +113,10 @@ def _topics(
         said.append(next((f"no identification of the arm: {why}" for why in unusable if why), identified))
         if elsewhere := [topic for topic in states if topic != arm]:
             said.append(f"also there: {', '.join(elsewhere)}")
-    if wrenches := _of_types(seen, READERS["wrench"]):
+    if wrenches := _of_role(seen, "wrench"):
         topics["wrench"] = wrenches[0]
         warnings["topics.wrench"] = [f"also there: {', '.join(wrenches[1:])}"] if wrenches[1:] else []
-    arrays = _of_types(seen, READERS["tactile"])
+    arrays = _of_role(seen, "tactile")
     if touch := [topic for topic in arrays if TOUCH.search(topic)]:
         topics["tactile"] = touch
         warnings["topics.tactile"] = ["by their names; are these tactile sensors?"]
@@ -117,10 +126,11 @@ def _topics(
     return topics, warnings
 
 
-def _of_types(seen: SourceSeen, types: Collection[str]) -> list[str]:
-    """Topics with messages of some types that every file has, sorted by name."""
+def _of_role(seen: SourceSeen, role: Role) -> list[str]:
+    """Topics of the role, or with messages that it can be read from, that every file has; sorted by name."""
+    types = {str(role), *READERS[role]}
     fitting = [
-        {name for name, topic in file.topics.items() if topic.clocks and set(topic.types) <= set(types)}
+        {name for name, topic in file.topics.items() if topic.clocks and types.issuperset(topic.types)}
         for file in seen.files
     ]
     return sorted(set.intersection(*fitting))
@@ -131,6 +141,14 @@ def _pose_warnings(seen: SourceSeen, hand: HandCandidate, others: Sequence[HandC
         yield "it does not move"
     if missing := [file.name for file in seen.files if file.name not in hand.paths]:
         yield f"not in {_listed(missing)}, which cannot be read by this entry"
+    if isinstance(hand.source, JointPose) and hand.source.units:
+        yield "angles in rad would be beyond the URDF's limits: degrees? or no angles, but shares of a range?"
+    if isinstance(hand.source, JointPose) and hand.source.joints and seen.files[0].format == LEROBOT:
+        yield "joints are matched by their order: are these the same?"
+    if isinstance(hand.source, str) and hand.source.endswith("[0:7]"):
+        yield "columns without names, read as x, y, z, qw, qx, qy, qz; with qw last they are [0:3, 6, 3:6]"
+    elif isinstance(hand.source, str) and hand.source.endswith("]"):
+        yield "of these columns only; an orientation without qw, qx, qy, qz is not read"
     if isinstance(hand.source, TransformPose) and (above := _frames_above(seen, hand.source)):
         yield f"{hand.source.parent} itself is in {_listed(above)}, where the hand moves with the base too"
     if others:

@@ -24,11 +24,13 @@ from structlearn.tasks.inspection.hand_motion import (
     pose_words,
     survey_motion,
 )
-from structlearn.tasks.inspection.proposal import Proposal, propose
+from structlearn.tasks.inspection.lerobot_survey import look_at_dataset
+from structlearn.tasks.inspection.proposal import LEROBOT, Proposal, propose
 from structlearn.tasks.inspection.source_survey import FileSeen, SourceSeen, look_at
 from structlearn.tasks.inspection.task_moves import task_moves
 
 FORMATS = {"mcap": "MCAP", "db3": "ROS 2 bag (sqlite3)", "bag": "ROS 1 bag", "table": "table of poses"}
+FORMATS[LEROBOT] = "LeRobotDataset"
 
 HEADINGS = ("topic", "type", "messages", "rate", "largest gap", "clock", "log - header")
 RIGHT = (2, 3, 4, 6)  # columns of numbers
@@ -56,7 +58,7 @@ def inspect_source(source: str, urdf: str | None, output: Path | None) -> None:
 
 def find_out(source: str, urdf: str | None = None) -> SourceReport:
     """Survey a source (see `look_at`), its motion and fitness, and propose an entry."""
-    seen = look_at(source, urdf)
+    seen = look_at_dataset(source, urdf) or look_at(source, urdf)
     candidates = hand_candidates({file.name: file.hands for file in seen.files})
     if not candidates:
         return SourceReport(seen, (), None, None, list(fitness(seen, None, None, ())))
@@ -72,8 +74,10 @@ def report_lines(report: SourceReport) -> Iterator[str]:
     """Lines of the whole report."""
     seen = report.seen
     yield from (f"{seen.source}: {len(seen.files)} recording{'s' if seen.files[1:] else ''}", "")
-    for file in seen.files:
-        yield from (*_file(file), "")
+    for number, file in enumerate(seen.files):
+        first, *others = _file(file)
+        again = number > 0 and file.format == LEROBOT  # with the same features
+        yield from (first,) if again else (first, *others, "")
     yield from (f"{name}: left out: {reason}" for name, reason in seen.damaged.items())
     if report.sources:
         yield "Candidates for the pose of the hand (medians over the files); the first is used"

@@ -4,7 +4,7 @@ Files are opened one by one; for files that cannot be read the reason is kept, a
 """
 
 import re
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from contextlib import suppress
 from itertools import product
 from typing import NamedTuple
@@ -19,6 +19,7 @@ from structlearn.readers.messages import READERS
 from structlearn.readers.raw_messages import RawMessages
 from structlearn.readers.source import JointPose, StampPolicy, TopicMap, TransformPose
 from structlearn.readers.source_files import RecordingFile, recording_files
+from structlearn.readers.urdf_file import urdf_path
 from structlearn.rigid_body.urdf import HANDS, counterparts, moving_joints, tips
 from structlearn.tasks.inspection.clocks import Stamps, TopicClocks, stamp_statistics, topic_clocks
 from structlearn.tasks.inspection.hand_motion import HandPath, PoseSource, hand_path
@@ -111,8 +112,6 @@ def look_at(source: str, urdf: str | None = None) -> SourceSeen:
 
 def _shipped(urdf: str) -> str:
     """Path of a file in `pybullet_data`, which entries may name; other names are unchanged."""
-    from structlearn.rigid_body.urdf import urdf_path  # slow import, only needed here
-
     with suppress(InputError):
         return str(urdf_path(urdf))
     return urdf
@@ -129,10 +128,23 @@ def look_into(file: RecordingFile, urdf: str | None = None) -> FileSeen:
     hands, no_hands = {}, {}
     for source in pose_sources(topics, urdf):
         try:
-            hands[source] = hand_path(_poses(file, source))
+            taken, path = first_path(source, lambda source: hand_path(_poses(file, source)))
+            hands[taken] = path
         except InputError as error:
             no_hands[source] = str(error)
     return FileSeen(file.name, file.format, topics, hands, no_hands)
+
+
+def first_path(source: PoseSource, read: Callable[[PoseSource], HandPath]) -> tuple[PoseSource, HandPath]:
+    """Path of a pose source, if need be of its joints in degrees. Raises InputError: of joints in rad."""
+    try:
+        return source, read(source)
+    except InputError:
+        if isinstance(source, JointPose):
+            in_degrees = source.model_copy(update={"units": "deg"})
+            with suppress(InputError):
+                return in_degrees, read(in_degrees)
+        raise
 
 
 def arm_of(topics: Mapping[str, TopicSeen]) -> tuple[str, JointSeries] | None:

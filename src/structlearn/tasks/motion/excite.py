@@ -18,6 +18,7 @@ from pydantic import Field
 from structlearn.core.artefacts import write_csv
 from structlearn.core.errors import InputError
 from structlearn.core.stage import stage_parameters
+from structlearn.readers.urdf_file import urdf_path
 from structlearn.reporting.document import Document, Source
 from structlearn.reporting.figure_style import Drawing
 from structlearn.reporting.findings import Findings
@@ -35,7 +36,7 @@ from structlearn.rigid_body.excitation import (
 from structlearn.rigid_body.friction import FRICTIONS
 from structlearn.rigid_body.motion import Motion
 from structlearn.rigid_body.robot import Robot, read_urdf
-from structlearn.rigid_body.urdf import require_velocities, urdf_path
+from structlearn.rigid_body.urdf import require_velocities
 from structlearn.tasks import project
 from structlearn.tasks.motion.motion_figures import gain_panel, share_panels
 from structlearn.tasks.motion.parameters import MotionParameters

@@ -18,6 +18,7 @@ from structlearn.core.metrics import blocks, nmse
 from structlearn.core.parallel import parallel_map
 from structlearn.networks.torch_settings import AdamParameters, one_thread
 from structlearn.readers.joint_log import JointLog, Log, signals_of
+from structlearn.readers.urdf_file import urdf_path
 from structlearn.rigid_body import model_comparison
 from structlearn.rigid_body.base_parameters import base_parameters, fit_base
 from structlearn.rigid_body.dynamics_models import (
@@ -40,7 +41,6 @@ from structlearn.rigid_body.model_comparison import NETWORKS, TRAIN, Models, Net
 from structlearn.rigid_body.motion import Motion, joined_motions, measured_motion
 from structlearn.rigid_body.robot import Robot, read_urdf
 from structlearn.rigid_body.tree import KinematicTree, joint_order
-from structlearn.rigid_body.urdf import urdf_path
 from structlearn.tasks.motion import drives_and_load
 from structlearn.tasks.motion.differing_motion import differing_errors, differing_motion
 from structlearn.tasks.motion.drives_and_load import FRICTION, longest_motion

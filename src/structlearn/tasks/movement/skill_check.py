@@ -29,6 +29,7 @@ from structlearn.feedback.skill import ReactiveSkill, Workspace
 from structlearn.primitives.kernels import KERNEL_COUNT
 from structlearn.primitives.sequence import PoseGoal, default_goals, default_start
 from structlearn.primitives.vector import sample_count
+from structlearn.readers.urdf_file import urdf_path
 from structlearn.rigid_body.arm_kinematics import (
     Arm,
     JointPath,
@@ -39,7 +40,7 @@ from structlearn.rigid_body.arm_kinematics import (
     read_collision_shapes,
     rest_for,
 )
-from structlearn.rigid_body.urdf import require_velocities, urdf_path
+from structlearn.rigid_body.urdf import require_velocities
 from structlearn.tasks.movement import check_results
 from structlearn.tasks.movement.check_results import CORRECTIONS, GOALS, NO, NOMINAL, STARTS, SkillCheck
 from structlearn.tasks.movement.parameters import RobotParameters
