@@ -132,7 +132,7 @@ def _proposed(source: str, urdf: str | None, name: str) -> list[str]:
 def _check_motion(source: str, urdf: str | None) -> None:
     """Raise InputError if there is no robot, or joint states that dynamics cannot be learned from."""
     from structlearn.readers.joint_log import unusable_efforts
-    from structlearn.rigid_body.urdf import urdf_path
+    from structlearn.readers.urdf_file import urdf_path
     from structlearn.tasks.inspection.source_survey import look_at
 
     if not urdf:
