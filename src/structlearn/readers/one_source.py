@@ -42,23 +42,16 @@ def check_source(
     """
     if (np.diff(stamps) < 0).any() and clock_reset(stamps):
         return  # two passes, of which `clock.in_order` says so
-    measured = values[:, ~np.isnan(values).all(axis=0)]
-    if channels is not None and measured.size:
-        row = _first_of_two(stamps, measured, channels)
+    if channels is not None:
+        row = _first_of_two(stamps, values[:, ~np.isnan(values).all(axis=0)], channels)
         if row is not None:
             count = len(np.unique(channels))
             place = at_row(row, stamps)
             raise InputError(f"{where}: comes from {count} channels, whose values differ at {place}")
-    rows = np.argsort(stamps, kind="stable")
     for columns, least in STEADY.get(kind, ()):
-        part = values[rows, columns]
-        part = part[:, ~np.isnan(part).all(axis=0)]
-        if columns.start == 3 and kind == "pose":  # both signs of a quaternion are the same
-            part = np.where(np.sum(part * part[:1], axis=1, keepdims=True) < 0.0, -part, part)
-        sound = np.isfinite(part).all(axis=1)
-        swung = to_and_fro(stamps[rows][sound], part[sound], least)
+        rows, swung = to_and_fro(stamps, values[:, columns], least, kind == "pose" and columns.start == 3)
         if swung.sum() > max(MET, SHARE * len(swung)):
-            place = at_row(int(rows[sound][np.argmax(swung)]), stamps)
+            place = at_row(int(rows[np.argmax(swung)]), stamps)
             raise InputError(
                 f"{where}: {swung.mean():.0%} of the values go to and fro, first at {place}: are there two "
                 "publishers?"
@@ -82,30 +75,50 @@ def check_frames(where: str, stamps: np.ndarray, groups: Sequence[Decoded]) -> s
     return frames[0].get("frame_id", "")
 
 
-def to_and_fro(stamps: np.ndarray, values: np.ndarray, least: float) -> np.ndarray:
-    """Mask (T,) of samples far from the line between their neighbours, where others lie on such lines.
+def to_and_fro(
+    stamps: np.ndarray, values: np.ndarray, least: float, turns: bool = False
+) -> tuple[np.ndarray, np.ndarray]:
+    """Samples far from the line between their neighbours, where others lie on such lines.
 
-    `stamps`: (T,) ns, sorted; `values`: (T, D). Compared are the lines between the next but one, for sources
-    that alternate, and that of the neighbour without the sample, for a source that is rare.
+    Compared are the line between the next but one, for sources that alternate, and that of the neighbour
+    without the sample, for a source that is rare.
+
+    Args:
+        stamps: (T,) ns in order of arrival.
+        values: (T, D); rows that are not finite, and columns that nowhere are, do not count.
+        least: distance from the line from which samples count.
+        turns: values are quaternions, of which both signs are the same.
+
+    Returns:
+        rows: (M,) those that count, by their stamps.   mask: (M,) whether each is such a sample.
     """
-    swung = np.zeros(len(values), dtype=bool)
-    if not values.size or len(values) < 5:
-        return swung
-    clock, count = (stamps - stamps[0]).astype(float), len(values) - 4
+    rows = np.arange(len(stamps))
+    if not (finite := np.isfinite(values)).all():
+        values = values[:, finite.any(axis=0)]
+        rows = np.flatnonzero(np.isfinite(values).all(axis=1))
+    if (np.diff(stamps[rows]) < 0).any():
+        rows = rows[np.argsort(stamps[rows], kind="stable")]
+    part, swung = values[rows], np.zeros(len(rows), dtype=bool)
+    if turns and len(part) and (opposite := part @ part[0] < 0.0).any():
+        part = np.where(opposite[:, None], -part, part)
+    if not part.size or len(part) < 5:
+        return rows, swung
+    clock, count = (stamps[rows] - stamps[rows[0]]).astype(float), len(part) - 4
 
     def off(place: int, first: int, last: int) -> np.ndarray:
         """Distance of samples from the line between two others, each counted from row - 2."""
         times = [clock[at : at + count] for at in (place, first, last)]
-        rows = [values[at : at + count] for at in (place, first, last)]
+        middle, begin, end = (part[at : at + count] for at in (place, first, last))
         span = times[2] - times[1]
         share = np.where(span > 0.0, times[0] - times[1], 0.5) / np.where(span > 0.0, span, 1.0)
-        return np.linalg.norm(rows[0] - rows[1] - share[:, None] * (rows[2] - rows[1]), axis=1)
+        return np.linalg.norm(middle - begin - share[:, None] * (end - begin), axis=1)
 
     with np.errstate(over="ignore", invalid="ignore"):
-        calm = np.minimum(off(2, 0, 4), off(1, 0, 3))
-        usual = np.quantile(calm, CALM)
-        swung[2:-2] = off(2, 1, 3) > CLEAR * (calm + usual) + least
-    return swung
+        near = off(2, 1, 3)
+        if np.count_nonzero(near > least) > MET:  # otherwise the rest takes time for nothing
+            calm = np.minimum(off(2, 0, 4), off(1, 0, 3))
+            swung[2:-2] = near > CLEAR * (calm + np.quantile(calm, CALM)) + least
+    return rows, swung
 
 
 def _frames(group: Decoded) -> dict[str, str]:
@@ -120,6 +133,8 @@ def _frames(group: Decoded) -> dict[str, str]:
 
 def _first_of_two(stamps: np.ndarray, values: np.ndarray, channels: np.ndarray) -> int | None:
     """First row, of `MET` at least, at which a channel says something else than larger ones, or None."""
+    if not values.size:
+        return None
     clock, sound = stamps - stamps[0], np.isfinite(values).all(axis=1)
     numbers, counts = np.unique(channels[sound], return_counts=True)
     known = np.zeros(0, dtype=int)  # rows of the channels so far

@@ -53,6 +53,8 @@ def propose(
     read += [topics[kind] for kind in ("joint_states", "wrench") if kind in topics]
     read = list(dict.fromkeys([*read, *topics.get("tactile", [])]))
     entry: dict[str, Any] = {"source": from_home(seen.source), "topics": topics}
+    faults = {topic: one.fault for file in seen.files for topic, one in file.topics.items() if one.fault}
+    warnings["topics"] = [f"left out: {fault}" for topic, fault in faults.items() if topic not in read]
     stamps, warnings["stamps"] = _stamps(seen, read, hand)
     if warnings["stamps"]:
         entry["stamps"] = stamps
