@@ -21,22 +21,22 @@ class Judgement(NamedTuple):
     remarks: Mapping[str, tuple[str, ...]]
 
 
-def judge(entry: Mapping[str, Any]) -> Judgement:
-    """Read all recordings of an entry as its import would, without those that fail."""
+def judge(entry: Mapping[str, Any], names: Iterable[str]) -> Judgement:
+    """Read all recordings of an entry, of these names, as its import would, without those that fail."""
     segment = {**entry["segment"], "skip_failures": True}
-    task = as_task(KIND, {**entry, "segment": segment}, Path(entry["source"]), "the proposed entry")
     left_out, remarks = LeftOut(), dict[str, dict[str, None]]()
     try:
+        task = as_task(KIND, {**entry, "segment": segment}, Path(entry["source"]), "the proposed entry")
         recordings = read_source(task, task.source, left_out, module_of(KIND, "recordings").read)
         for run in on_clock(task, recordings, task.clock, left_out):
             for subject in ("joints", "orientation"):
                 if said := run.provenance.get(subject):
                     remarks.setdefault(subject, {})[said] = None
     except InputError as error:
-        if not left_out:  # none could be opened
-            left_out[""] = str(error)
+        if not left_out:  # the import stops before it reads any
+            left_out = dict.fromkeys(names, str(error))
     said_of = {subject: tuple(said) for subject, said in remarks.items()}
-    return Judgement(_by_recording(task.source, left_out), said_of)
+    return Judgement(_by_recording(entry["source"], left_out), said_of)
 
 
 def reasons(refused: Iterable[str], most: int = 3) -> str:

@@ -74,7 +74,7 @@ def find_out(source: str, urdf: str | None = None) -> SourceReport:
     motion = survey_motion(hand.paths) if hand.moves else None
     moves = task_moves(hand.paths, motion)
     proposal = propose(seen, hand, others, motion, moves)
-    judgement = judge(proposal.entry)
+    judgement = judge(proposal.entry, [file.name for file in seen.files])
     refused = {**seen.damaged, **judgement.refused}
     answers = list(fitness(seen, hand, motion, proposal.read, moves.repeats, refused))
     all_refused = len(refused) >= len(seen.files) + len(seen.damaged)
