@@ -448,7 +448,7 @@ def efforts(rows, columns):
 JUDGED = {
     "finger": (joint_states(efforts(slice(None), 0)), None, "joint_torques are not of finger and left out"),
     "activation": (joint_states(efforts(slice(5), 2)), "effort of wrist is nan", ""),
-    "publishers": (joint_states(efforts([], 0), [1]), None, "position of finger, elbow, wrist: 33% of the"),
+    "publishers": (joint_states(efforts([], 0), [1]), None, "position of finger, elbow, wrist: values go"),
     "no turns": (turned(slice(None)), None, "orientation: not recorded"),
     "one turn": (turned([200]), "row 200 .* quaternion has norm 0, not 1", ""),
 }

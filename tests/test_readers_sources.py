@@ -94,7 +94,7 @@ def test_publishers_that_share_a_channel_show_in_values_that_go_to_and_fro(tmp_p
     rows = pose_messages(STAMPS.tolist(), poses(STAMPS))
     rows += pose_messages(late.tolist(), poses(late, 0.02))
     write_bag(tmp_path / "1.mcap", sorted(rows, key=lambda row: row[3]))
-    with pytest.raises(InputError, match=r"'/tool': \d+% of the values go to and fro, first at row \d+ "):
+    with pytest.raises(InputError, match=r"'/tool': values go to and fro, first at row \d+ "):
         read_recording(tmp_path / "1.mcap", TOOL, DROP)
     rows = joint_messages(STAMPS.tolist(), ["a", "b"], 1.0 + poses(STAMPS)[:, :2])
     rows += joint_messages(late.tolist(), ["a", "b"], np.zeros((len(late), 2)))
