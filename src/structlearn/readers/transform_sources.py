@@ -1,7 +1,6 @@
 """Whether each transform between two frames has one source, on /tf and /tf_static together."""
 
 from collections.abc import Mapping, Sequence
-from dataclasses import replace
 
 import numpy as np
 
@@ -60,11 +59,9 @@ def _check_channels(where: str, messages: RawMessages, path: Sequence[Edge], pol
         return
     parts: dict[Edge, list[TransformSeries]] = {edge: [] for edge in path}
     for channel in np.unique(messages.channels):
-        rows = np.flatnonzero(messages.channels == channel)
-        schemas, data = (
-            [values[row] for row in rows.tolist()] for values in (messages.schemas, messages.data)
-        )
-        own = replace(messages, log_times=messages.log_times[rows], schemas=schemas, data=data, channels=None)
+        rows = np.flatnonzero(messages.channels == channel).tolist()
+        schemas, data = [messages.schemas[row] for row in rows], [messages.data[row] for row in rows]
+        own = RawMessages(messages.log_times[rows], schemas, data)
         for edge, series in transform_series(where, own, policy).items():
             if edge in parts:
                 parts[edge].append(series)
