@@ -71,5 +71,5 @@ def _check_channels(where: str, messages: RawMessages, path: Sequence[Edge], pol
             values = np.vstack([series.values for series in several])
             channels = np.repeat(np.arange(len(several)), [len(series.stamps) for series in several])
             name = f"transform from '{edge[0]}' to '{edge[1]}'"
-            rows = np.argsort(stamps, kind="stable")
-            check_source(f"{where}: {name}", "pose", stamps[rows], values[rows], channels[rows])
+            order = np.argsort(stamps, kind="stable")
+            check_source(f"{where}: {name}", "pose", stamps[order], values[order], channels[order])
