@@ -1,5 +1,6 @@
 """What is said of recordings before anything is configured, and the entry that is proposed for them."""
 
+import re
 import runpy
 from dataclasses import replace
 from itertools import pairwise
@@ -12,14 +13,16 @@ from readers_bags import joint_messages, pose_messages, transform_messages, tran
 
 from dissertation.simulation.pick_and_place import TIP, URDF, takes, write_takes
 from structlearn.core.errors import InputError
-from structlearn.readers import raw_messages
+from structlearn.readers import raw_messages, read_recordings
 from structlearn.readers.computed_pose import TransformSeries
 from structlearn.readers.urdf_file import urdf_path
 from structlearn.tasks.inspection.proposal import from_home, task_name
 from structlearn.tasks.inspection.recordings_report import as_yaml, find_out, inspect_source
 from structlearn.tasks.inspection.source_survey import frame_pairs
+from structlearn.tasks.movement.recordings import read
 from structlearn.tasks.project import ENTRIES
 from structlearn.tasks.task_entry import read_task
+from structlearn.tasks.task_import import on_clock
 
 MS = 10**6
 STAMPS = (10**9 + 10 * MS * np.arange(400)).tolist()
@@ -419,3 +422,83 @@ def test_turns_strokes_and_sessions_are_proposed_as_they_were_made(
     task = read_task("bags", tmp_path / "structlearn.yaml")
     assert [primitive.axis for primitive in task.segment.primitives] == axes
     assert task.repeats == repeats
+
+
+NAMES, ANGLES = ["finger", "elbow", "wrist"], np.linspace(0.0, 1.0, 400)[:, None] * [0.0, 1.0, -0.5]
+
+
+def joint_states(effort, second=()):
+    rows = pose_messages(STAMPS, moving_rows()) + joint_messages(STAMPS, NAMES, ANGLES, effort=effort)
+    late = [stamp + 2 * MS for stamp in STAMPS[::5]] if second else []
+    return rows + joint_messages(late, NAMES, np.ones((len(late), 3)), effort=np.ones((len(late), 3)))
+
+
+def turned(quaternions):
+    rows = moving_rows()
+    rows[quaternions, 3:] = 0.0
+    return pose_messages(STAMPS, rows)
+
+
+def efforts(rows, columns):
+    values = np.ones((400, 3))
+    values[rows, columns] = np.nan
+    return values
+
+
+JUDGED = {
+    "finger": (joint_states(efforts(slice(None), 0)), None, "joint_torques are not of finger and left out"),
+    "activation": (joint_states(efforts(slice(5), 2)), "effort of wrist is nan", ""),
+    "publishers": (joint_states(efforts([], 0), [1]), None, "position of finger, elbow, wrist: values go"),
+    "no turns": (turned(slice(None)), None, "orientation: not recorded"),
+    "one turn": (turned([200]), "row 200 .* quaternion has norm 0, not 1", ""),
+}
+
+
+@pytest.mark.parametrize("name", JUDGED)
+def test_what_is_proposed_passes_the_import_or_its_reason_is_said(tmp_path, capsys, name):
+    messages, refused, remark = JUDGED[name]
+    write_bag(tmp_path / "1.mcap", sorted(messages, key=lambda row: row[3]))
+    inspect_source(str(tmp_path), None, tmp_path / "entry.yaml")
+    text, found = capsys.readouterr().out, find_out(str(tmp_path))
+    readable = answer(found, "Can all files be read?")
+    if refused:
+        assert found.proposal is None
+        assert readable.verdict == "no"
+        assert re.search(f"No entry can be proposed: the import refuses every recording: .*{refused}", text)
+        assert not (tmp_path / "entry.yaml").exists()
+        return
+    assert readable.verdict == "yes"
+    assert remark in text
+    assert remark in (tmp_path / "entry.yaml").read_text()
+    task = as_task((tmp_path / "entry.yaml").read_text(), tmp_path)
+    (recording,) = read_recordings(tmp_path, task.topics, task.stamps)
+    assert "joint_torques" not in {stream.kind for stream in recording.streams}
+
+
+def test_recordings_that_the_import_refuses_are_left_out_of_the_entry_with_their_reasons(tmp_path):
+    rows = [moving_rows(seed=seed) for seed in range(4)]
+    rows[1][200, 1] += 0.5
+    rows[3][:, 3:] = rows[2][:, 3:]
+    for number, values in enumerate(rows):
+        messages = pose_messages(STAMPS, values)
+        for message in messages if number == 3 else ():
+            message[2]["header"]["frame_id"] = "tool"
+        write_bag(tmp_path / f"{number}.mcap", messages)
+    found = find_out(str(tmp_path))
+    readable = answer(found, "Can all files be read?")
+    assert (readable.verdict, readable.number) == ("doubtful", "2 of 4")
+    task = as_task("\n".join(as_yaml(found.proposal)), tmp_path)
+    left_out = {}
+    kept = list(on_clock(task, read(tmp_path, task, left_out), task.clock, left_out))
+    assert [one.name for one in kept] == ["0", "2"]
+    for name, reason in (("1", "position jumps"), ("3", "frame_id is tool, in 0 it is base_link")):
+        assert reason in found.refused[name]
+        assert any(reason in warning for warning in found.proposal.warnings["segment.skip_failures"])
+
+
+def test_a_hand_of_which_no_pose_can_be_read_says_why(tmp_path, capsys):
+    messages = pose_messages([*STAMPS[:200], *STAMPS[:200]], moving_rows(), logged=STAMPS)
+    write_bag(tmp_path / "1.mcap", messages)
+    inspect_source(str(tmp_path), None, None)
+    assert "pose of a hand: " in (text := capsys.readouterr().out)
+    assert re.search(r"No entry can be proposed: .*the clock goes back by 1\.99 s at row 200", text)

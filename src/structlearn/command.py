@@ -120,10 +120,7 @@ def _proposed(source: str, urdf: str | None, name: str) -> list[str]:
 
     report = find_out(source, urdf)
     if report.proposal is None:
-        reasons = [f"{file}: {why}" for file, why in report.seen.damaged.items()]
-        reasons += [answer.advice for answer in report.answers if answer.verdict == "no" and answer.advice]
-        why = f": {'; '.join(reasons)}" if reasons else ""
-        raise InputError(f"{source}: no stream could be the pose of a hand{why}")
+        raise InputError(f"{source}: {report.obstacle}")
     for answer in report.answers:
         print(f"{answer.verdict:12} {answer.question} {answer.number}")
     return as_yaml(report.proposal._replace(name=name))

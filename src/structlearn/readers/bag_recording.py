@@ -9,9 +9,9 @@ import numpy as np
 
 from structlearn.core.errors import InputError
 from structlearn.core.used_files import require_file
-from structlearn.readers.clock import MAX_GAP_S, check_recording, synchronise
+from structlearn.readers.clock import MAX_GAP_S, check_recording, non_finite, synchronise
 from structlearn.readers.computed_pose import in_radians, joint_pose, transform_pose
-from structlearn.readers.decoded_messages import short_name
+from structlearn.readers.definitions import short_name
 from structlearn.readers.demonstration import JOINT_KINDS, Demonstration, NamedShape, Recording, Stream
 from structlearn.readers.joint_log import JointLog
 from structlearn.readers.joint_streams import JointSeries, chosen, joint_series
@@ -33,7 +33,15 @@ from structlearn.readers.source import (
     StampPolicy,
     TopicMap,
 )
-from structlearn.readers.source_files import RecordingFile, as_recording_file, check_names, recording_files
+from structlearn.readers.source_files import (
+    METADATA,
+    RecordingFile,
+    as_recording_file,
+    check_names,
+    listed_counts,
+    recording_files,
+)
+from structlearn.readers.transform_sources import check_transforms
 from structlearn.readers.user_tables import read_pose_table, read_shapes, shape_file
 
 JOINT_STATES = "/joint_states"  # default topic of drivers
@@ -49,7 +57,14 @@ def open_bag(file: RecordingFile, topics: Collection[str]) -> Bag:
             require_file(path, whole=False)
     if file.format == "table":
         return read_pose_table(file.paths[0])
-    return read_bags(file, topics)
+    bag, counts = read_bags(file, topics), listed_counts(file)
+    for topic, messages in bag.messages.items():
+        if (count := len(messages.data)) != (listed := counts.get(topic, count)):
+            raise InputError(
+                f"{file.path}: topic '{topic}' has {count} messages, {METADATA} says {listed}; if the bag is "
+                "as it should be, `ros2 bag reindex` mends the description"
+            )
+    return bag
 
 
 def write_recording(recording: Recording, path: str | Path) -> None:
@@ -96,13 +111,15 @@ def read_recording(
         The recording, named after the file's stem, with streams in the order of the topic map. A file without
         our metadata has the provenance origin "recorded" and its file name as source. Provenance also states,
         under `stamps`, how stamps that do not increase were handled, under `clock`, whether log times were
-        requested, and under `joints`, which joints of a topic are left out.
+        requested, under `joints`, which joints of a topic are left out, and under `orientation`, if the
+        quaternions of a topic of poses are 0 or NaN throughout, that it was not recorded.
 
     Raises:
         InputError: the file is missing, of another kind, truncated or damaged; a topic is missing, empty or
             of a type that its role does not support; messages differ in length; stamps are not in order and
-            that is not allowed; two topics give the same signal; or the pose cannot be computed. The message
-            names file and topic.
+            that is not allowed, or the clock was set back; two topics give the same signal; the frame of a
+            topic changes; two sources of a signal contradict each other (`one_source`); or the pose cannot be
+            computed. The message names file and topic.
     """
     file = as_recording_file(file)
     bag = open_bag(file, topics.topics)
@@ -115,6 +132,7 @@ def read_recording(
         "stamps": "; ".join(f"{topic}: {note}" for topic, note in read.mended.items() if note),
         "clock": "log" if stamps.clock == "log" else "",
         "joints": "; ".join(read.left_out),
+        "orientation": "" if read.oriented else "not recorded",
     }
     provenance = bag.provenance(file.path) | {key: remark for key, remark in remarks.items() if remark}
     table = shape_file(file.path, file.name)
@@ -273,6 +291,18 @@ def readable(path: Path, bag: Bag, topic: str, role: Role | Literal["transforms"
     return where, bag.messages[topic]
 
 
+def _unknown_position(series: Sequence[JointSeries]) -> str:
+    """Description of the first position of a joint that is not finite, of one that others are, if any."""
+    known = [stream for part in series for stream in part.streams() if stream.kind == "joint_positions"]
+    whole = [
+        Stream(part.topic, kind, part.stamps, signal, part.names)
+        for part in series
+        for kind, signal in part.values.items()
+        if kind == "joint_positions"
+    ]
+    return next(fault for stream in (*known, *whole) if (fault := non_finite(stream)))
+
+
 class _Reading:
     """Streams of a bag, with remarks: `mended`, stamps corrected per topic, and `left_out` joints."""
 
@@ -281,6 +311,7 @@ class _Reading:
         self._series: dict[str, list[JointSeries]] = {}
         self.mended: dict[str, str | None] = {}
         self.left_out: list[str] = []
+        self.oriented = True
 
     def streams(self) -> list[Stream]:
         """All streams in the order of the topic map."""
@@ -296,6 +327,9 @@ class _Reading:
             else:
                 where, messages = readable(self._path, self._bag, topic, role)
                 stream, self.mended[topic] = to_stream(where, topic, role, messages, self._policy)
+                if role == "pose" and not np.nan_to_num(stream.values[:, 3:]).any():
+                    self.oriented = False
+                    stream.values[:, 3:] = 1.0, 0.0, 0.0, 0.0
                 streams.append(stream)
         if joints:
             streams[place:place] = self._joint_streams(joints)
@@ -318,10 +352,15 @@ class _Reading:
             return []
         if isinstance(pose, JointPose):
             where = f"{self._path}: topic '{pose.topic}'"
-            return [joint_pose(where, self._joint_series(pose.topic), pose)]
+            series = self._joint_series(pose.topic)
+            stream = joint_pose(where, series, pose)
+            if not np.isfinite(stream.values).all():
+                raise InputError(f"{where}: {_unknown_position(series)}")
+            return [stream]
         for topic in pose.topics:
             if topic == pose.topic or topic in self._bag.messages:
                 readable(self._path, self._bag, topic, "transforms")
+        check_transforms(str(self._path), self._bag.messages, pose, self._policy)
         stream, self.mended[pose.topic] = transform_pose(
             str(self._path), self._bag.messages, pose, self._policy
         )
@@ -361,12 +400,16 @@ class _Reading:
                 raise InputError(f"{self._path}: {kind} come from several topics: {listing}")
         if not named:
             return streams
-        most = {name for names in joints.values() for name in names}
+        recorded = {name for names in joints.values() for name in names}
+        most = set(joints["joint_positions"]) or recorded
+        if unplaced := sorted(recorded - most):
+            self.left_out.append(f"without {', '.join(unplaced)}, whose position was not recorded")
         for kind, names in joints.items():
-            if names and set(names) != most:
+            if names and not most.issubset(names):
                 lacking = ", ".join(sorted(most - set(names)))
                 self.left_out.append(f"{kind} are not of {lacking} and left out")
-        kept = [stream for stream in streams if set(joints[stream.kind]) == most]
+        whole = [stream for stream in streams if most.issubset(joints[stream.kind])]
+        kept = [part for stream in whole if (part := stream.of_joints(most)).joints]
         if not kept:
             listing = ", ".join(sorted(most))
             raise InputError(f"{self._path}: no signal is of all joints {listing}: name some under `joints`")

@@ -8,17 +8,29 @@ import numpy as np
 
 from structlearn.core import quaternion
 from structlearn.core.errors import InputError
-from structlearn.readers.demonstration import JOINT_KINDS, Demonstration, Kind, Recording, Stream
+from structlearn.readers.demonstration import FIELDS, JOINT_KINDS, Demonstration, Kind, Recording, Stream
 from structlearn.readers.source import StampPolicy
 
 # Longest gap in a stream that is bridged by interpolation by default: robot controllers and bag recorders
 # occasionally drop out for 0.15 s; a longer gap hides a movement.
 MAX_GAP_S = 0.2
 
+# A clock that goes back by more, for many samples, was set back; less is jitter of messages
+MOST_BACK_NS = 200_000_000
+SMOOTHED = 5  # stamps: two wrong ones among them do not count
+MET_AGAIN = 3  # samples in a time that comes again
+FEW = 0.05  # share of samples that may be dropped because their clock was not set yet
+
 FASTEST_HZ = 10_000.0  # no robot reports its pose faster; the stamps of a faster clock are meaningless
 
 # Columns of each kind of stream; other kinds have any number, constant within the stream.
-WIDTHS: Mapping[str, int] = {"pose": 7, "twist": 6, "wrench": 6, "tool_to_board": 4}
+COLUMNS: Mapping[str, Sequence[str]] = {
+    "pose": ("x", "y", "z", "qw", "qx", "qy", "qz"),
+    "twist": ("vx", "vy", "vz", "wx", "wy", "wz"),
+    "wrench": ("fx", "fy", "fz", "tx", "ty", "tz"),
+    "tool_to_board": ("qw", "qx", "qy", "qz"),
+}
+WIDTHS: Mapping[str, int] = {kind: len(columns) for kind, columns in COLUMNS.items()}
 
 # Tolerance of a quaternion's norm: printed digits and float32 stay well below; a wrong column or another
 # representation of rotations does not.
@@ -66,6 +78,16 @@ def check_recording(recording: Recording) -> None:
     for stream in recording.streams:
         if fault := _fault(stream):
             raise InputError(f"{recording.name}: {stream.topic}: {fault}")
+
+
+def non_finite(stream: Stream) -> str | None:
+    """Description of the first value of a stream that is not finite, by joint and field, or None."""
+    if (finite := np.isfinite(stream.values)).all():
+        return None
+    row, column = np.argwhere(~finite)[0].tolist()
+    name = f"{FIELDS[stream.kind]} of {stream.joints[column]}" if stream.joints else f"column {column}: value"
+    value = f"{at_row(row, stream.stamps)}, {name} is {stream.values[row, column]}"
+    return f"{value} ({COLUMNS[stream.kind][column]})" if stream.kind in COLUMNS else value
 
 
 def at_row(row: int, stamps: np.ndarray) -> str:
@@ -119,9 +141,8 @@ def _fault(stream: Stream) -> str | None:
         return f"needs at least two samples, has {count}"
     if fault := disorder(stream.stamps):
         return fault
-    if not (finite := np.isfinite(values)).all():
-        row, column = np.argwhere(~finite)[0]
-        return f"{at_row(row, stream.stamps)}, column {column}: value is {values[row, column]}"
+    if fault := non_finite(stream):
+        return fault
     if stream.kind in ("pose", "tool_to_board"):
         norm = np.linalg.norm(values[:, -4:], axis=1)
         off = np.abs(norm - 1) > NORM_TOLERANCE
@@ -131,11 +152,48 @@ def _fault(stream: Stream) -> str | None:
     return None
 
 
+def clock_reset(stamps: np.ndarray) -> tuple[int, float] | None:
+    """First of the rows of (T,) ns from which a clock was set back, and by how many s; None if it was not.
+
+    A clock that was set back covers a time again, or puts a good part of the samples before all others.
+    Samples that come late fill a hole, and single wrong stamps are outliers: both can be mended.
+    """
+    if len(stamps) < 2 * SMOOTHED:
+        return None
+    padded = np.pad(stamps, SMOOTHED // 2, mode="edge")
+    windows = np.lib.stride_tricks.sliding_window_view(padded, SMOOTHED)
+    smooth = np.sort(windows, axis=1)[:, SMOOTHED // 2]
+    latest = np.maximum.accumulate(smooth)
+    late = np.diff((latest - smooth > MOST_BACK_NS).astype(int), prepend=0, append=0)
+    blocks = zip(np.flatnonzero(late == 1).tolist(), np.flatnonzero(late == -1).tolist(), strict=True)
+    first, last = max(blocks, key=lambda block: block[1] - block[0], default=(0, 0))
+    if first == last:
+        return None
+    before, again = stamps[:first], smooth[first:last]
+    met = int(np.sum((before > again.min()) & (before < again.max())))
+    whole = again.max() < smooth[:first].min() and min(first, last - first) > FEW * len(stamps)
+    if met < MET_AGAIN and not whole:
+        return None
+    back = int(stamps[first - 1] - stamps[first])
+    return first, 1e-9 * float(back if back > 0 else latest[first] - smooth[first])
+
+
 def in_order(where: str, stamps: np.ndarray, policy: StampPolicy) -> tuple[np.ndarray, str | None]:
-    """Rows (M,) with increasing stamps, of (T,) ns, and a description of the policy's changes, or None."""
+    """Rows (M,) with increasing stamps, of (T,) ns, and a description of the policy's changes, or None.
+
+    Raises InputError: stamps are not in order and the policy refuses it, or the clock was set back, where
+    dropping and sorting would mix what was recorded before and after.
+    """
     fault = disorder(stamps)
     if fault is None:
         return np.arange(len(stamps)), None
+    if reset := clock_reset(stamps):
+        row, back_s = reset
+        other = "" if policy.clock == "log" else ", or `clock: log` under `stamps` reads it"
+        raise InputError(
+            f"{where}: the clock goes back by {back_s:.3g} s at {at_row(row, stamps)}: cut the recording "
+            f"there{other}"
+        )
     if policy.disorder == "error":
         raise InputError(f"{where}: {fault}; with `disorder: drop` or `sort` under `stamps` it is mended")
     if policy.disorder == "drop":

@@ -14,8 +14,10 @@ from typing import Any, NamedTuple
 
 import numpy as np
 from mcap.records import Schema
-from mcap.well_known import MessageEncoding
+from mcap.well_known import MessageEncoding, SchemaEncoding
 
+from structlearn.core.errors import InputError
+from structlearn.readers.definitions import definition_of, short_name
 from structlearn.readers.raw_messages import RawMessages, damage_named
 
 MOST_LAYOUTS = 50  # per message length: a robot's frames need several, varying texts any number
@@ -48,8 +50,15 @@ class Decoded(NamedTuple):
 
 
 def decoded(where: str, messages: RawMessages) -> list[Decoded]:
-    """All messages of a topic in groups, ordered by their first row. Raises InputError: one is damaged."""
+    """All messages of a topic in groups, ordered by their first row.
+
+    Raises InputError: a message is damaged, or its definition lacks a type.
+    """
     schemas = {id(schema): schema for schema in messages.schemas}
+    try:
+        whole = {key: _completed(schema) for key, schema in schemas.items() if schema}
+    except LookupError as error:
+        raise InputError(f"{where}: {error.args[0]}") from error
     keys = [np.fromiter(map(id, messages.schemas), np.int64), np.fromiter(map(len, messages.data), np.int64)]
     layouts, owners = np.unique(np.stack(keys), axis=1, return_inverse=True)
     groups: list[Decoded] = []
@@ -57,10 +66,13 @@ def decoded(where: str, messages: RawMessages) -> list[Decoded]:
         for number, (kind, length) in enumerate(layouts.T.tolist()):
             rows = np.flatnonzero(owners.ravel() == number)
             raw = np.frombuffer(b"".join(messages.data[row] for row in rows.tolist()), dtype=np.uint8)
-            schema = schemas[kind]
-            assert schema is not None  # `bag_recording.readable` lets none pass
-            groups += _of_one_length(schema, rows, raw.reshape(len(rows), length))
+            groups += _of_one_length(whole[kind], rows, raw.reshape(len(rows), length))
     return sorted(groups, key=lambda group: int(group.rows[0]))
+
+
+def _completed(schema: Schema) -> Schema:
+    text = definition_of(schema).encode()
+    return Schema(id=schema.id, name=schema.name, encoding=SchemaEncoding.ROS2, data=text)
 
 
 def _of_one_length(schema: Schema, rows: np.ndarray, raw: np.ndarray) -> Iterator[Decoded]:
@@ -82,11 +94,6 @@ def _of_one_length(schema: Schema, rows: np.ndarray, raw: np.ndarray) -> Iterato
     assert decode is not None  # a ROS 2 schema, see `bag_recording.readable`
     for row, message in zip(rows, raw, strict=True):
         yield Decoded(np.array([row]), decode(message.tobytes()))
-
-
-def short_name(message_type: str) -> str:
-    """`package/Type`, from `package/msg/Type` or itself."""
-    return message_type.replace("/msg/", "/")
 
 
 def columns(

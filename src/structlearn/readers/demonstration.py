@@ -13,7 +13,7 @@ a set may be larger than memory.
 
 import json
 from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from itertools import groupby
 from operator import itemgetter
 from pathlib import Path
@@ -39,8 +39,14 @@ Kind = Literal[
     "tool_to_board",
 ]
 
-JOINT_KINDS: tuple[Kind, ...] = ("joint_positions", "joint_velocities", "joint_torques")
-"""Kinds of stream from the fields position, velocity and effort of a joint state."""
+FIELDS: Mapping[Kind, str] = {
+    "joint_positions": "position",
+    "joint_velocities": "velocity",
+    "joint_torques": "effort",
+}
+"""Field of a joint state for each kind of joint signal."""
+
+JOINT_KINDS: tuple[Kind, ...] = tuple(FIELDS)
 
 Form = Literal["cube", "sphere", "cylinder"]
 FORMS: tuple[Form, ...] = get_args(Form)
@@ -99,6 +105,15 @@ class Stream:
     stamps: np.ndarray  # (T,) int64 ns, as recorded
     values: np.ndarray  # (T, D) float64
     joints: tuple[str, ...] = ()  # (D,) names of the joints of a joint signal, if known
+    frame: str = ""  # frame_id of the messages, if known
+
+    def of_joints(self, names: Collection[str]) -> "Stream":
+        """Columns of some joints, in the stream's own order."""
+        columns = [place for place, name in enumerate(self.joints) if name in names]
+        if len(columns) == len(self.joints):
+            return self
+        joints = tuple(self.joints[column] for column in columns)
+        return replace(self, values=self.values.take(columns, axis=1), joints=joints)
 
 
 @dataclass(frozen=True)

@@ -15,6 +15,7 @@ from structlearn.readers.clock import at_row, in_order
 from structlearn.readers.decoded_messages import Decoded, decoded
 from structlearn.readers.demonstration import JOINT_KINDS, Kind, Stream
 from structlearn.readers.messages import FIELDS, fields_named, sample_stamps, sequence, table_of_numbers
+from structlearn.readers.one_source import check_source
 from structlearn.readers.raw_messages import RawMessages
 from structlearn.readers.source import StampPolicy
 
@@ -32,9 +33,16 @@ class JointSeries:
     values: Mapping[Kind, np.ndarray]  # (T, J) per kind that is filled
 
     def streams(self) -> list[Stream]:
-        """One stream per kind."""
-        signals = self.values.items()
-        return [Stream(self.topic, kind, self.stamps, values, self.names) for kind, values in signals]
+        """One stream per kind, of the joints whose field is not NaN throughout."""
+        streams = []
+        for kind, values in self.values.items():
+            names = self.names
+            if names:
+                measured = ~np.isnan(values).all(axis=0)
+                names = tuple(name for name, is_measured in zip(names, measured, strict=True) if is_measured)
+                values = values if measured.all() else values[:, measured]
+            streams.append(Stream(self.topic, kind, self.stamps, values, names))
+        return streams
 
     def renamed(self, names: Mapping[str, str]) -> "JointSeries":
         """Series with other names for some joints, e.g. those of a URDF."""
@@ -71,17 +79,24 @@ def joint_series(
     several = len(set(map(frozenset, orders))) > 1
     series, notes = [], []
     for publisher, names, rows in _clocks(groups, orders, joints):
+        channels = None if messages.channels is None else messages.channels[rows]
+        places = [joints.index(name) for name in names]
+        own = {
+            kind: signal[rows].take(places, axis=1) if names else signal
+            for kind, (signal, _) in tables.items()
+        }
+        for kind, mine in own.items():
+            check_source(f"{where}: {FIELDS[kind]} of {', '.join(names)}", kind, stamps[rows], mine, channels)
         kept, note = in_order(
             f"{where}: joints {', '.join(names)}" if several else where, stamps[rows], policy
         )
         if note is not None:
             notes.append(f"{note} of {', '.join(names)}" if several else note)
-        places = [joints.index(name) for name in names]
-        values = {}
-        for kind, (signal, filled) in tables.items():
-            mine = signal[rows].take(places, axis=1) if names else signal
-            if filled[rows].all() and not np.isnan(mine).all():
-                values[kind] = mine if note is None else mine[kept]
+        values = {
+            kind: mine if note is None else mine[kept]
+            for kind, mine in own.items()
+            if tables[kind][1][rows].all() and not np.isnan(mine).all()
+        }
         if values:
             series.append(JointSeries(topic, names, publisher, stamps[rows][kept], values))
     if not series:

@@ -12,13 +12,11 @@ Frames. Poses, twists and wrenches are taken as published; it is up to the user 
 robot's base, unless the pose is given by frame names (see `computed_pose`).
 """
 
-import re
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from functools import cache
 from io import BytesIO
 from operator import attrgetter
-from pathlib import Path
 from types import SimpleNamespace
 from typing import Any, Literal
 
@@ -29,18 +27,16 @@ from mcap.well_known import SchemaEncoding
 
 from structlearn.core import quaternion
 from structlearn.core.errors import InputError
-from structlearn.core.params import read_values
 from structlearn.readers.clock import at_row, in_order
-from structlearn.readers.decoded_messages import Decoded, columns, decoded, short_name
-from structlearn.readers.demonstration import JOINT_KINDS, Form, Kind, NamedShape, Stream
+from structlearn.readers.decoded_messages import Decoded, columns, decoded
+from structlearn.readers.definitions import definition, short_name
+from structlearn.readers.demonstration import FIELDS, JOINT_KINDS, Form, Kind, NamedShape, Stream
+from structlearn.readers.one_source import check_frames, check_source
 from structlearn.readers.raw_messages import RawMessages
 from structlearn.readers.source import Role, StampPolicy
 
 FRAME = "base"  # frame_id that we write: the robot's base
 LAST_STAMP = 2**31 * 10**9 - 1  # ns: seconds of a header are int32
-
-# Field of a joint state for each kind of stream
-FIELDS: Mapping[Kind, str] = dict(zip(JOINT_KINDS, ("position", "velocity", "effort"), strict=True))
 
 MESSAGE_TYPES: Mapping[Kind, str] = {  # type that each kind of stream is written as
     **dict.fromkeys(JOINT_KINDS, "sensor_msgs/msg/JointState"),
@@ -92,6 +88,7 @@ def to_stream(
     with fields_named(where):
         stamps = sample_stamps(messages, () if short in WITHOUT_HEADER else groups, policy)
         fields = [numbers(group.message, *READERS[role][short]) for group in groups]
+        frame = check_frames(where, stamps, groups)
     values = table_of_numbers(where, stamps, groups, fields)
     if values.shape[1] == 0:
         raise InputError(f"{where}: messages have no values")
@@ -99,26 +96,33 @@ def to_stream(
         values = np.hstack([values[:, :3], quaternion.from_xyzw(values[:, 3:])])
     elif role == "tool_to_board":
         values = quaternion.from_xyzw(values)
+    check_source(where, role, stamps, values, messages.channels)
     rows, note = in_order(where, stamps, policy)
     if note is not None:
         stamps, values = stamps[rows], values[rows]
-    return Stream(topic, role, stamps, values), note
+    return Stream(topic, role, stamps, values, frame=frame), note
 
 
 @contextmanager
 def fields_named(where: str) -> Iterator[None]:
-    """Turn errors about missing fields of a message into an InputError."""
+    """Turn errors about fields of a message, missing or contradictory, into an InputError."""
     try:
         yield
     except InputError:
         raise
+    except OverflowError as error:
+        raise InputError(f"{where}: {error}") from error
     except (AttributeError, TypeError, ValueError) as error:
         raise InputError(f"{where}: a message lacks a field of its type: {error}") from error
 
 
 def nanoseconds(clock: Any) -> np.ndarray:
-    """int64 ns of a ROS time or of a column of them."""
+    """int64 ns of a ROS time or of a column of them. Raises OverflowError: its ns are more than a second."""
     seconds, rest = np.array(clock.sec, dtype=np.int64), np.array(clock.nanosec, dtype=np.int64)
+    if (wrong := rest >= 10**9).any():
+        place = np.argmax(wrong)
+        stamp = f"{np.ravel(seconds)[place]} s and {np.ravel(rest)[place]} ns"
+        raise OverflowError(f"a stamp is {stamp}: nanosec must be below 10^9")
     return seconds * 10**9 + rest
 
 
@@ -224,14 +228,17 @@ def to_shapes(where: str, messages: RawMessages) -> tuple[NamedShape, ...]:
     first = RawMessages(messages.log_times[:1], messages.schemas[:1], messages.data[:1])
     ((_, message),) = decoded(where, first)
     with fields_named(where):
-        solids = []
+        solids, frames = [], set()
         for marker in getattr(message, "markers", [message]):
             fields = (marker.id, marker.type, *numbers(marker, "pose.position", "pose.orientation", "scale"))
             number, kind, *values = (
                 float(np.ravel(value)[0]) for value in fields
             )  # may be columns with a single row
             if kind in SOLIDS:
+                frames.add(marker.header.frame_id.lstrip("/"))
                 solids.append((marker.ns, int(number), SOLIDS[int(kind)], np.array(values)))
+    if len(frames) > 1:
+        raise InputError(f"{where}: shapes are in several frames: {', '.join(sorted(frames))}")
     spaces = [space for space, *_ in solids]
     shapes = []
     for space, number, form, row in solids:
@@ -267,16 +274,6 @@ def shapes_message(stamp: int, shapes: Sequence[NamedShape]) -> RawMessages:
     ]
     data = np.frombuffer(_encoded(SHAPES_TYPE, {"markers": markers}), dtype=np.uint8)
     return _of_one_type(SHAPES_TYPE, np.array([stamp]), data[None])
-
-
-@cache
-def definition(message_type: str) -> str:
-    """Message definition with those of all nested types, as in MCAP's encoding `ros2msg`."""
-    texts, names = read_values(Path(__file__).with_suffix(".yaml")), [short_name(message_type)]
-    for name in names:  # grows while nested types are found
-        nested = re.findall(r"^(\w+/\w+)", texts[name], re.MULTILINE)
-        names += [name for name in dict.fromkeys(nested) if name not in names]
-    return f"{'=' * 80}\n".join([texts[names[0]], *(f"MSG: {name}\n{texts[name]}" for name in names[1:])])
 
 
 def _of_one_type(message_type: str, stamps: np.ndarray, content: np.ndarray) -> RawMessages:

@@ -13,7 +13,7 @@ from bz2 import BZ2Decompressor
 from collections import Counter, defaultdict
 from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import partial
 from io import BytesIO
 from operator import itemgetter
@@ -32,6 +32,8 @@ from mcap.writer import MCAP0_MAGIC, Writer
 
 from structlearn.core.errors import InputError
 from structlearn.core.used_files import PER_MESSAGE, Budget, require_file
+from structlearn.readers.clock import clock_reset
+from structlearn.readers.definitions import LANGUAGES, shipped, short_name
 from structlearn.readers.source_files import COMPRESSED, RecordingFile
 
 METADATA_RECORD = "structlearn"  # name of the metadata record of our own files
@@ -39,6 +41,8 @@ METADATA_RECORD = "structlearn"  # name of the metadata record of our own files
 # Largest unpacked chunk in bytes; writers start a new one after a few million, those of ROS 1 after one
 # million.
 LARGEST_CHUNK, LARGEST_OF_ROS1 = 2**28, 2**27
+
+CHANNELS = 2**16  # channels that a file may have
 
 ZSTD_MAGIC = b"\x28\xb5\x2f\xfd"  # start of a zstd frame; the first byte of a message is 0
 
@@ -65,11 +69,12 @@ OUTSIDE: Mapping[int, Any] = {
 
 @dataclass(frozen=True)
 class RawMessages:
-    """T messages of one topic, ordered by log time."""
+    """T messages of one topic, ordered by log time; as written, if the clock of the recorder was set back."""
 
     log_times: np.ndarray  # (T,) int64 ns
     schemas: Sequence[Schema | None]  # definition of each message; None if the file has none
     data: Sequence[bytes]  # content of each message
+    channels: np.ndarray | None = None  # (T,) number of each message's channel; None: there is one
 
 
 Parts = Sequence[RawMessages]  # messages of one topic in several parts
@@ -106,17 +111,24 @@ def _bag(types: Iterable[tuple[str, str]], parts: Mapping[str, Parts], metadata:
 
 
 def _ordered(parts: Parts) -> RawMessages:
-    """Messages of all parts, sorted by log time; those of equal times stay in order."""
+    """Messages of all parts, sorted by log time; those of equal times stay in order.
+
+    Where a channel's log times go back for good, sorting would mix two passes of its clock.
+    """
     log_times = np.concatenate([part.log_times for part in parts])
     if (log_times < 0).any():
         raise _Damage("a log time is not between 0 and 2^63 ns")
     schemas = [schema for part in parts for schema in part.schemas]
     data = [content for part in parts for content in part.data]
-    if (log_times[1:] < log_times[:-1]).any():
+    numbers = [np.zeros(len(part.data), int) if part.channels is None else part.channels for part in parts]
+    channels = np.concatenate(numbers)
+    every = np.unique(channels)
+    passes = (log_times[channels == channel] for channel in every)
+    if (log_times[1:] < log_times[:-1]).any() and not any(map(clock_reset, passes)):
         order = np.argsort(log_times, kind="stable")
-        log_times = log_times[order]
+        log_times, channels = log_times[order], channels[order]
         schemas, data = ([values[at] for at in order.tolist()] for values in (schemas, data))
-    return RawMessages(log_times, schemas, data)
+    return RawMessages(log_times, schemas, data, channels if len(every) > 1 else None)
 
 
 def read_bags(file: RecordingFile, topics: Collection[str]) -> Bag:
@@ -127,9 +139,12 @@ def read_bags(file: RecordingFile, topics: Collection[str]) -> Bag:
         return bags[0]
     types = ((topic, name) for bag in bags for topic, names in bag.topics.items() for name in names)
     parts: dict[str, list[RawMessages]] = defaultdict(list)
-    for bag in bags:
+    for number, bag in enumerate(bags):
         for topic, part in bag.messages.items():
-            parts[topic].append(part)
+            channels = np.zeros(len(part.data), int) if part.channels is None else part.channels
+            parts[topic].append(replace(part, channels=channels + CHANNELS * number))
+    for its in parts.values():
+        its.sort(key=lambda part: int(part.log_times[0]))
     return _bag(types, parts, next((bag.metadata for bag in bags if bag.metadata is not None), None))
 
 
@@ -259,15 +274,20 @@ def _read_mcap(file: BinaryIO, topics: Collection[str], budget: Budget) -> Bag:
     of = {number: schemas.get(channel.schema_id) for number, channel in channels.items()}
     types = ((channel.topic, _type_name(channel, of[number])) for number, channel in channels.items())
     parts = {
-        topic: [RawMessages(times, [of[number]] * len(times), data) for number, times, data in its]
+        topic: [
+            RawMessages(times, [of[number]] * len(times), data, np.full(len(times), number))
+            for number, times, data in its
+        ]
         for topic, its in found.items()
     }
     return _bag(types, parts, metadata.get(METADATA_RECORD))
 
 
 def _type_name(channel: Channel, schema: Schema | None) -> str:
-    if channel.message_encoding == MessageEncoding.CDR and schema and schema.encoding == SchemaEncoding.ROS2:
-        return schema.name
+    if channel.message_encoding == MessageEncoding.CDR and schema:
+        known = schema.encoding in LANGUAGES and short_name(schema.name) in shipped()
+        if known or schema.encoding == SchemaEncoding.ROS2:
+            return schema.name
     encodings = f"{channel.message_encoding}, {schema.encoding if schema else 'no schema'}"
     name = schema.name if schema else "unknown"
     return f"{name} [{encodings}: not ROS 2 messages with ros2msg definitions]"
@@ -455,5 +475,8 @@ def _read_older(
         budget.take(PER_MESSAGE)
         content = bytes(to_cdr(raw, connection.msgtype))
         log_times = np.array([log_time], dtype=np.int64)
-        parts[connection.topic].append(RawMessages(log_times, [schemas[connection.msgtype]], [content]))
+        channel = np.array([connection.id])
+        parts[connection.topic].append(
+            RawMessages(log_times, [schemas[connection.msgtype]], [content], channel)
+        )
     return _bag(((connection.topic, connection.msgtype) for connection in reader.connections), parts)

@@ -12,9 +12,9 @@ A bag may be a folder with `metadata.yaml`, split over several files.
 
 import re
 from collections import Counter
-from collections.abc import Collection, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from pathlib import Path, PurePath
-from typing import Literal, NamedTuple
+from typing import Any, Literal, NamedTuple
 
 from structlearn.core.errors import InputError
 from structlearn.core.params import NAME, home_path, read_values
@@ -115,16 +115,48 @@ def _bags(folder: Path) -> list[RecordingFile]:
     files = _files(folder, ("mcap", "db3", "bag"))
     if not (folder / METADATA).exists():
         return files
-    content = read_values(folder / METADATA)
-    information = content.get("rosbag2_bagfile_information") if isinstance(content, dict) else None
-    listed = information.get("relative_file_paths") if isinstance(information, dict) else None
-    present = {path.name.removesuffix(COMPRESSED) for file in files for path in file.paths}
-    for name in [PurePath(str(name)).name for name in listed] if isinstance(listed, list) else []:
+    listed = _listed_files(_description(folder))
+    present = {path.name.removesuffix(COMPRESSED): path.name for file in files for path in file.paths}
+    for name in listed:
         if name.removesuffix(COMPRESSED) not in present:
             raise InputError(f"{folder}: the bag's file {name}, which {METADATA} names, is missing")
+    known = {name.removesuffix(COMPRESSED) for name in listed}
+    if listed and (others := [name for plain, name in present.items() if plain not in known]):
+        raise InputError(f"{folder}: {METADATA} does not list {', '.join(others)}, which belongs elsewhere")
     if len(files) < 2:
         return files
     formats = sorted({file.format for file in files})
     if len(formats) > 1:
         raise InputError(f"{folder}: the bag has files of several kinds: {', '.join(formats)}")
     return [RecordingFile(folder.name, formats[0], tuple(file.paths[0] for file in files))]
+
+
+def listed_counts(file: RecordingFile) -> dict[str, int]:
+    """Number of messages per topic by the description of a bag, if the files are all of the bag's."""
+    folder = file.paths[0].parent
+    if not (folder / METADATA).is_file():
+        return {}
+    description = _description(folder)
+    listed = [name.removesuffix(COMPRESSED) for name in _listed_files(description)]
+    if sorted(listed) != sorted(path.name.removesuffix(COMPRESSED) for path in file.paths):
+        return {}
+    counts = {}
+    topics = description.get("topics_with_message_count")
+    for topic in topics if isinstance(topics, list) else ():
+        about = topic.get("topic_metadata") if isinstance(topic, dict) else None
+        if isinstance(about, dict) and isinstance(count := topic.get("message_count"), int):
+            counts[str(about.get("name"))] = count
+    return counts
+
+
+def _description(folder: Path) -> Mapping[str, Any]:
+    """Description of a ROS 2 bag, empty where it has another form."""
+    content = read_values(folder / METADATA)
+    information = content.get("rosbag2_bagfile_information") if isinstance(content, Mapping) else None
+    return information if isinstance(information, Mapping) else {}
+
+
+def _listed_files(description: Mapping[str, Any]) -> list[str]:
+    """Names of a bag's files by its description."""
+    paths = description.get("relative_file_paths")
+    return [PurePath(str(path)).name for path in paths] if isinstance(paths, list) else []

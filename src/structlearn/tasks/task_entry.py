@@ -12,7 +12,7 @@ A part (`PARTS`) that an entry does not name is null, whatever its defaults.
 """
 
 import re
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from contextlib import suppress
 from itertools import takewhile
 from pathlib import Path
@@ -129,9 +129,14 @@ def read_task(name: str, file: Path = ENTRIES) -> Any:
     )
     if not isinstance(entry, dict):
         raise InputError(f"{file}: {kind}.{name}: is no mapping of parameters")
+    return as_task(kind, entry, file, f"{kind}.{name}")
+
+
+def as_task(kind: str, entry: Mapping[str, Any], file: Path, key: str) -> Any:
+    """Parameters of an entry over the defaults of its kind; `file` and `key`: its place, for messages."""
     values = merged(kind_defaults(kind), entry)
     values |= {part: None for part in PARTS if part in values and entry.get(part) is None}
-    return checked(values, model(file, kind), file, f"{kind}.{name}")
+    return checked(values, model(file, kind), file, key)
 
 
 def read_checked(path: Path) -> SourceParameters:

@@ -34,6 +34,7 @@ from structlearn.tasks.task_files import LEFT_OUT, is_public, leave_out, local_p
 BAGS = "bags"
 
 LeftOut = dict[str, str]  # reasons why files could not be read, by file name
+Frames = dict[str, tuple[str, str]]  # frame of each topic, and the first recording that has it
 Read = Callable[[Path, Any, LeftOut], Any]
 
 
@@ -121,8 +122,10 @@ def _resampled(
 ) -> Iterator[tuple[Recording, Demonstration]]:
     """Recordings and what `on_clock` makes of them."""
     on, empty = clock.model_dump() if clock else {}, True  # default: the rate of the poses
+    frames: Frames = {}
     for recording in recordings:
         try:
+            check_same_frames(recording, frames)
             run = synchronise(recording, **on, refuse_jumps=refuse_jumps)
         except InputError as error:
             if not goes_on(task):
@@ -135,6 +138,17 @@ def _resampled(
         del recording  # before the next one is read
     if empty:
         raise InputError(f"{task.source}: holds no recording that can be read")
+
+
+def check_same_frames(recording: Recording, frames: Frames) -> None:
+    """Raise InputError if a topic has another frame than in the recordings before, whose frames are kept."""
+    for stream in recording.streams:
+        if stream.frame:
+            frame, name = frames.setdefault(stream.topic, (stream.frame, recording.name))
+            if frame != stream.frame:
+                raise InputError(
+                    f"{recording.name}: {stream.topic}: frame_id is {stream.frame}, in {name} it is {frame}"
+                )
 
 
 def goes_on(task: SourceParameters) -> bool:

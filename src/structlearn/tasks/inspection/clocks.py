@@ -6,7 +6,7 @@ from typing import NamedTuple
 import numpy as np
 
 from structlearn.readers.decoded_messages import decoded
-from structlearn.readers.messages import nanoseconds
+from structlearn.readers.messages import fields_named, nanoseconds
 from structlearn.readers.raw_messages import RawMessages
 
 
@@ -48,14 +48,15 @@ class TopicClocks(NamedTuple):
 def topic_clocks(where: str, messages: RawMessages) -> TopicClocks:
     """Both clocks of a topic with at least one message; messages with transforms use the first one's header.
 
-    Raises InputError: a message cannot be decoded.
+    Raises InputError: a message cannot be decoded, or its stamp contradicts itself.
     """
     log, headers = stamp_statistics(messages.log_times), np.zeros(len(messages.log_times), dtype=np.int64)
-    for group in decoded(where, messages):
-        transforms = getattr(group.message, "transforms", None)
-        first = transforms[0] if transforms else group.message
-        if hasattr(first, "header"):
-            headers[group.rows] = nanoseconds(first.header.stamp)
+    with fields_named(where):
+        for group in decoded(where, messages):
+            transforms = getattr(group.message, "transforms", None)
+            first = transforms[0] if transforms else group.message
+            if hasattr(first, "header"):
+                headers[group.rows] = nanoseconds(first.header.stamp)
     if not headers.any():
         return TopicClocks(log)
     delays_s = 1e-9 * (messages.log_times - headers)  # exact: the difference is taken in int64

@@ -5,7 +5,7 @@ otherwise rules of thumb with their reasons beside them. A doubtful answer is no
 look.
 """
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from typing import Literal, NamedTuple
 
 import numpy as np
@@ -13,6 +13,7 @@ import numpy as np
 from structlearn.readers.clock import MAX_GAP_S
 from structlearn.readers.source import JointPose
 from structlearn.tasks.inspection.hand_motion import HandCandidate, MotionSurvey, PoseSource, pose_words
+from structlearn.tasks.inspection.judgement import reasons
 from structlearn.tasks.inspection.source_survey import SourceSeen
 
 Verdict = Literal["yes", "doubtful", "no"]
@@ -56,15 +57,18 @@ def fitness(
     motion: MotionSurvey | None,
     topics: Sequence[str],
     repeats: int = 0,
+    refused: Mapping[str, str] | None = None,
 ) -> Iterator[Answer]:
     """Answers to all questions that apply to the files.
 
     `hand`: source of the hand's poses; `motion`: its runs, None if it does not move; `topics`: topics to
-    read; `repeats`: of the task in all files, if each has several.
+    read; `repeats`: of the task in all files, if each has several; `refused`: reasons of the import by file.
     """
-    count, total = len(seen.files), len(seen.files) + len(seen.damaged)
-    readable: Verdict = "doubtful" if seen.damaged else "yes"
-    yield Answer("Can all files be read?", readable, f"{count} of {total}", "; ".join(seen.damaged.values()))
+    refused = seen.damaged if refused is None else refused
+    total = len(seen.files) + len(seen.damaged)
+    count = total - len(refused)
+    readable: Verdict = "yes" if not refused else "doubtful" if count else "no"
+    yield Answer("Can all files be read?", readable, f"{count} of {total}", reasons(refused.values()))
     enough = at_least(repeats or count, ENOUGH)
     number = f"{repeats} repeats in {count}" if repeats else str(count)
     yield Answer("Are there enough demonstrations?", enough, number, f"record {ENOUGH[0]} or more")
@@ -100,6 +104,8 @@ def _no_hand(seen: SourceSeen) -> Answer:
     advice = f"convert to ROS 2 messages, or to a table of poses: {'; '.join(foreign)}" if foreign else ""
     for topic, joints in seen.arms()[:1]:
         advice = f"there are joints in {topic} ({', '.join(joints.names)}): name their robot: --urdf FILE"
+    if unusable := [reason for file in seen.files for reason in file.faults()]:
+        advice = reasons(unusable)
     return Answer("Is there a pose of the hand?", "no", "no poses or moving frames that can be read", advice)
 
 

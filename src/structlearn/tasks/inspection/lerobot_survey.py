@@ -67,9 +67,7 @@ def look_at_dataset(source: str, urdf: str | None = None) -> SourceSeen | None:
         files = tuple(_episode_seen(episode, features, urdf) for episode in episodes)
         if not files:
             raise next(iter(failed.values()))
-    damaged = {name: reason for name, reason in left_out.items() if name.endswith(".parquet")}
-    damaged |= {name: str(error) for name, error in failed.items()}
-    return SourceSeen(source, urdf, files, damaged)
+    return SourceSeen(source, urdf, files, {name: str(error) for name, error in failed.items()})
 
 
 def _has_numbers(features: Mapping[str, Any], name: str) -> bool:

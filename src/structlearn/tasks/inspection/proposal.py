@@ -16,6 +16,7 @@ from structlearn.readers.source import JointPose, Role, TransformPose
 from structlearn.rigid_body.urdf import moving_joints
 from structlearn.tasks.inspection.fitness import IN_STEP_S, out_of_step
 from structlearn.tasks.inspection.hand_motion import HandCandidate, MotionSurvey, pose_words
+from structlearn.tasks.inspection.judgement import Judgement
 from structlearn.tasks.inspection.source_survey import SourceSeen, frames_above
 from structlearn.tasks.inspection.task_moves import OWN_TURN_DEG, TaskMoves
 from structlearn.tasks.task_files import is_name, local_path
@@ -58,6 +59,8 @@ def propose(
     if seen.files[0].format == LEROBOT:
         entry["reader"] = LEROBOT
     entry["topics"] = topics
+    faults = {topic: one.fault for file in seen.files for topic, one in file.topics.items() if one.fault}
+    warnings["topics"] = [f"left out: {fault}" for topic, fault in faults.items() if topic not in read]
     stamps, warnings["stamps"] = _stamps(seen, read, hand)
     if warnings["stamps"]:
         entry["stamps"] = stamps
@@ -70,15 +73,24 @@ def propose(
         if seen.urdf is not None and isinstance(arm.source, JointPose):
             entry["robot"] = _robot(seen, seen.urdf, arm.source)
             warnings["robot"] = _robot_warnings(hand, arm)
-    if entry.get("reader") == LEROBOT:
-        if failed := [name for name in seen.damaged if not name.endswith(".parquet")]:
-            entry["segment"]["skip_failures"] = True
-            warnings["segment.skip_failures"] = [f"leaves out {_listed(failed)}"]
-    elif seen.damaged:
-        warnings["source"] = [f"cannot be read, and has to go: {', '.join(seen.damaged)}"]
     return Proposal(
         task_name(seen.source), entry, {key: said for key, said in warnings.items() if said}, read
     )
+
+
+def judged(proposal: Proposal, judgement: Judgement) -> Proposal:
+    """The proposal without the recordings that the import refuses, and with its remarks."""
+    entry, warnings = dict(proposal.entry), dict(proposal.warnings)
+    if judgement.refused:
+        entry["segment"] = {**entry["segment"], "skip_failures": True}
+        left_out = [f"left out: {name}: {reason}" for name, reason in judgement.refused.items()]
+        warnings["segment.skip_failures"] = left_out
+    for subject, key in (("joints", "topics.joint_states"), ("orientation", "topics.pose")):
+        if said := judgement.remarks.get(subject):
+            warnings[key] = [*warnings.get(key, ()), *(f"{subject}: {remark}" for remark in said)]
+    if said := judgement.remarks.get("source"):
+        warnings["source"] = said
+    return proposal._replace(entry=entry, warnings=warnings)
 
 
 def task_name(source: str) -> str:

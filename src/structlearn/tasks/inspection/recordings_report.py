@@ -24,8 +24,9 @@ from structlearn.tasks.inspection.hand_motion import (
     pose_words,
     survey_motion,
 )
+from structlearn.tasks.inspection.judgement import judge, reasons
 from structlearn.tasks.inspection.lerobot_survey import look_at_dataset
-from structlearn.tasks.inspection.proposal import LEROBOT, Proposal, propose
+from structlearn.tasks.inspection.proposal import LEROBOT, Proposal, judged, propose
 from structlearn.tasks.inspection.source_survey import FileSeen, SourceSeen, look_at
 from structlearn.tasks.inspection.task_moves import task_moves
 
@@ -43,8 +44,19 @@ class SourceReport(NamedTuple):
     seen: SourceSeen
     sources: Sequence[HandCandidate]  # of poses; the first is taken as the hand's
     motion: MotionSurvey | None  # None: the hand does not move
-    proposal: Proposal | None  # None: nothing could be the hand's pose
+    proposal: Proposal | None  # None: nothing could be the hand's pose, or the import refuses everything
     answers: Sequence[Answer]
+    refused: Mapping[str, str]  # reasons of the import by recording; without a proposal, of damaged files
+
+    @property
+    def obstacle(self) -> str:
+        """Why there is no proposal."""
+        if self.sources:
+            return f"the import refuses every recording: {reasons(self.refused.values())}"
+        damaged = [f"{file}: {reason}" for file, reason in self.refused.items()]
+        advice = [answer.advice for answer in self.answers if answer.verdict == "no" and answer.advice]
+        why = reasons([*damaged, *advice])
+        return "no stream could be the pose of a hand" + (f": {why}" if why else "")
 
 
 def inspect_source(source: str, urdf: str | None, output: Path | None) -> None:
@@ -61,13 +73,17 @@ def find_out(source: str, urdf: str | None = None) -> SourceReport:
     seen = look_at_dataset(source, urdf) or look_at(source, urdf)
     candidates = hand_candidates({file.name: file.hands for file in seen.files})
     if not candidates:
-        return SourceReport(seen, (), None, None, list(fitness(seen, None, None, ())))
+        return SourceReport(seen, (), None, None, list(fitness(seen, None, None, ())), seen.damaged)
     hand, *others = candidates
     motion = survey_motion(hand.paths) if hand.moves else None
     moves = task_moves(hand.paths, motion)
     proposal = propose(seen, hand, others, motion, moves)
-    answers = list(fitness(seen, hand, motion, proposal.read, moves.repeats))
-    return SourceReport(seen, candidates, motion, proposal, answers)
+    judgement = judge(proposal.entry, {*(file.name for file in seen.files), *seen.damaged})
+    refused = {**seen.damaged, **judgement.refused}
+    answers = list(fitness(seen, hand, motion, proposal.read, moves.repeats, refused))
+    all_refused = len(refused) >= len(seen.files) + len(seen.damaged)
+    accepted = None if all_refused else judged(proposal, judgement)
+    return SourceReport(seen, candidates, motion, accepted, answers, refused)
 
 
 def report_lines(report: SourceReport) -> Iterator[str]:
@@ -78,7 +94,7 @@ def report_lines(report: SourceReport) -> Iterator[str]:
         first, *others = _file(file)
         again = number > 0 and file.format == LEROBOT  # with the same features
         yield from (first,) if again else (first, *others, "")
-    yield from (f"{name}: left out: {reason}" for name, reason in seen.damaged.items())
+    yield from (f"{name}: left out: {reason}" for name, reason in report.refused.items())
     if report.sources:
         yield "Candidates for the pose of the hand (medians over the files); the first is used"
         rows = [("source", "files", "extent", "way")]
@@ -98,7 +114,7 @@ def report_lines(report: SourceReport) -> Iterator[str]:
     ]
     yield from (*_aligned(answers, ()), "")
     if report.proposal is None:
-        yield "No entry can be proposed: no stream could be the pose of a hand."
+        yield f"No entry can be proposed: {report.obstacle}."
     else:
         yield from ("To paste below `movement:` in structlearn.yaml:", "", *as_yaml(report.proposal))
 

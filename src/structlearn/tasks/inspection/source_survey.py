@@ -12,7 +12,7 @@ from typing import NamedTuple
 from structlearn.core.errors import InputError
 from structlearn.readers.bag_recording import open_bag, read_recording
 from structlearn.readers.computed_pose import TransformSeries, transform_series
-from structlearn.readers.decoded_messages import short_name
+from structlearn.readers.definitions import short_name
 from structlearn.readers.demonstration import Stream
 from structlearn.readers.joint_streams import JointSeries, chosen, joint_series
 from structlearn.readers.messages import READERS
@@ -54,6 +54,10 @@ class FileSeen(NamedTuple):
     topics: Mapping[str, TopicSeen]
     hands: Mapping[PoseSource, HandPath]
     no_hands: Mapping[PoseSource, str]
+
+    def faults(self) -> list[str]:
+        """Why topics, or poses from them, cannot be read."""
+        return [*self.no_hands.values(), *(seen.fault for seen in self.topics.values() if seen.fault)]
 
 
 class SourceSeen(NamedTuple):
@@ -157,6 +161,8 @@ def arm_of(topics: Mapping[str, TopicSeen]) -> tuple[str, JointSeries] | None:
 def _topic_seen(where: str, topic: str, names: tuple[str, ...], messages: RawMessages | None) -> TopicSeen:
     if messages is None:
         return TopicSeen(names, None)
+    if len(names) > 1:
+        return TopicSeen(names, None, fault=f"{where} has messages of several types: {', '.join(names)}")
     clocks = TopicClocks(stamp_statistics(messages.log_times))
     seen = TopicSeen(names, clocks, series=[clocks.own])
     try:
