@@ -36,13 +36,16 @@ std::array<double, N> read() {
 
 template <std::size_t N>
 void write(const std::array<double, N>& values) {
-  std::fwrite(values.data(), sizeof(double), N, stdout);
+  if (N > 0) std::fwrite(values.data(), sizeof(double), N, stdout);
 }
 
 template <class Controller, class Durations, class Goals>
 void run() {
+  using Sample = std::decay_t<decltype(std::declval<Controller>().deviation())>;
+  using Coupling = std::decay_t<decltype(std::declval<Controller>().coupling())>;
+  constexpr std::size_t kChannels = std::tuple_size_v<Sample>, kAxes = std::tuple_size_v<Coupling>;
   std::optional<Controller> controller;
-  std::array<double, 1> command;
+  std::array<double, 1> command{};
   while (read(command)) {
     double result = 0.0;
     long before = allocations;
@@ -66,7 +69,7 @@ void run() {
           result = controller->tick();
           break;
         case TICK_WITH_SAMPLE: {
-          const auto sample = read<std::tuple_size_v<std::decay_t<decltype(controller->deviation())>>>();
+          const Sample sample = read<kChannels>();
           result = controller->tick(&sample);
           break;
         }
@@ -92,7 +95,10 @@ void run() {
     }
     if (allocations != before) std::exit(4);
     write<1>({result});
-    if (!controller) continue;
+    if (command[0] == PLAN) {
+      for (std::size_t i = 0; i < 23 + kChannels + kAxes; ++i) write<1>({std::nan("")});
+      continue;
+    }
     write(controller->position());
     write(controller->velocity());
     write(controller->acceleration());

@@ -33,8 +33,8 @@ COLUMNS = 100
 ABSENT = ()  # initialises a structure with zeros
 
 KNOWN = {
-    ReactiveSkill: {"primitives", "expected", "networks", "limits", "workspace", "sensors"},
-    PosePrimitive: {"name", "position", "orientation"},
+    *("primitives", "expected", "networks", "limits", "workspace", "sensors"),  # of a skill
+    *("name", "position", "orientation"),  # of a primitive
 }
 """Fields that the header has; a skill that uses others is refused."""
 
@@ -113,7 +113,7 @@ def _known_networks(skill: ReactiveSkill) -> dict[tuple[str, str], PhaseModulate
         raise InputError("a skill without a workspace is not for a robot")
     for name, part in (("the skill", skill), *((f"'{one.name}'", one) for one in skill.primitives)):
         for field in fields(part):
-            if field.name not in KNOWN.get(type(part), ()) and np.any(getattr(part, field.name)):
+            if field.name not in KNOWN and np.any(getattr(part, field.name)):
                 raise InputError(f"{name} has {field.name}, {but}")
     for one in skill.primitives:
         for motion in (one.position, one.orientation):
