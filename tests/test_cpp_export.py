@@ -177,7 +177,7 @@ def sensor(rng, channels):
         if kind in ("nan", "infinite"):
             samples[:, channels // 2 :] = np.nan if kind == "nan" else -np.inf
         if kind == "huge":
-            samples[:] = np.resize([1.7e308, -1.7e308], channels)
+            samples[:] = np.resize([1e307, -1e307], channels)  # sums of larger ones depend on their order
         for k, sample in enumerate(samples):
             yield None if kind == "missing" or (kind == "slow" and k % 10) else sample
         kind = rng.choice(list(kinds), p=list(kinds.values()))

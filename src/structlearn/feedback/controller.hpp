@@ -19,6 +19,8 @@
 #include <array>
 #include <cmath>
 #include <cstddef>
+#include <cstdint>
+#include <cstring>
 #include <limits>
 #include <stdexcept>
 #include <string>
@@ -293,30 +295,70 @@ inline Quaternion turned(const Quaternion& q, const Vector& by) noexcept {
 
 // ---- Feedback -----------------------------------------------------------------------------------
 
+/// exp(y) = 2^n exp(r), |r| <= ln(2) / 2, for |y| <= 700: without branches and calls, so that compilers
+/// vectorise loops over it.
+inline double vectorised_exp(double y) noexcept {
+  static_assert(std::numeric_limits<double>::is_iec559, "2^n is made of bits");
+  constexpr double kRound = 6755399441055744.0;  // 1.5 * 2^52: in a sum with it, n is in the last bits
+  constexpr double kLog2E = 1.4426950408889634;
+  constexpr double kLn2High = 0.6931471803691238, kLn2Low = 1.9082149292705877e-10;
+  const double shifted = y * kLog2E + kRound, n = shifted - kRound;
+  const double r = y - n * kLn2High - n * kLn2Low;
+  double series = 1.0 / 6227020800.0;  // 1 + r + r^2 / 2! + ... + r^13 / 13!
+  series = series * r + 1.0 / 479001600.0;
+  series = series * r + 1.0 / 39916800.0;
+  series = series * r + 1.0 / 3628800.0;
+  series = series * r + 1.0 / 362880.0;
+  series = series * r + 1.0 / 40320.0;
+  series = series * r + 1.0 / 5040.0;
+  series = series * r + 1.0 / 720.0;
+  series = series * r + 1.0 / 120.0;
+  series = series * r + 1.0 / 24.0;
+  series = series * r + 1.0 / 6.0;
+  series = series * r + 1.0 / 2.0;
+  series = series * r + 1.0;
+  series = series * r + 1.0;
+  std::uint64_t bits;
+  std::memcpy(&bits, &shifted, sizeof bits);
+  bits = (bits + 1023) << 52;  // exponent of 2^n
+  double power;
+  std::memcpy(&power, &bits, sizeof power);
+  return series * power;
+}
+
 /// Coupling term of a phase-modulated network, c = s + r . h_L (eq. IV.27-IV.30); `features`: s and r
 /// of the due time, the two linear last layers folded with the phase.
 inline double coupling_term(const Network& network, const Numbers<kMostFeatures>& features,
                             const Sample& deviation) noexcept {
-  Numbers<kWidest> h{}, next{};
+  Numbers<kWidest> h{}, a{};
   const double* value = network.values.data();
   const std::size_t inputs = network.widths[0];
   for (std::size_t i = 0; i < inputs; ++i) {
     h[i] = (deviation[i] - value[i]) / value[inputs + i];
   }
   value += 2 * inputs;
-  for (std::size_t layer = 0; layer < network.layers; ++layer) {  // h = tanh(W h + b)
+  for (std::size_t layer = 0; layer < network.layers; ++layer) {  // h = tanh(a), a = W h + b
     const std::size_t before = network.widths[layer], width = network.widths[layer + 1];
-    const double* biases = value + before * width;
-    std::copy(biases, biases + width, next.begin());
-    for (std::size_t i = 0; i < before; ++i, value += width) {
-      for (std::size_t j = 0; j < width; ++j) next[j] += value[j] * h[i];
+    std::copy_n(value + before * width, width, a.begin());
+    std::size_t i = 0;
+    for (; i + 4 <= before; i += 4, value += 4 * width) {  // four inputs: a quarter of the memory accesses
+      for (std::size_t j = 0; j < width; ++j) {
+        a[j] = a[j] + value[j] * h[i] + value[width + j] * h[i + 1] + value[2 * width + j] * h[i + 2] +
+               value[3 * width + j] * h[i + 3];
+      }
     }
-    for (std::size_t j = 0; j < width; ++j) h[j] = 1.0 - 2.0 / (std::exp(2.0 * next[j]) + 1.0);
-    value = biases + width;
+    for (; i < before; ++i, value += width) {
+      for (std::size_t j = 0; j < width; ++j) a[j] += value[j] * h[i];
+    }
+    value += width;
+    // beyond 20, tanh is 1 to the last digit; NaN stays. In one loop with the rest, this would branch
+    for (std::size_t j = 0; j < width; ++j) a[j] = std::min(std::max(a[j], -20.0), 20.0);
+    for (std::size_t j = 0; j < width; ++j) h[j] = 1.0 - 2.0 / (vectorised_exp(2.0 * a[j]) + 1.0);
   }
-  double c = features[0];
-  for (std::size_t j = 0; j < network.widths[network.layers]; ++j) c += features[1 + j] * h[j];
-  return c;
+  const std::size_t width = network.widths[network.layers];
+  Numbers<4> sums{features[0]};  // several, which do not wait for each other
+  for (std::size_t j = 0; j < width; ++j) sums[j % 4] += features[1 + j] * h[j];
+  return sums[0] + sums[1] + sums[2] + sums[3];
 }
 
 // ---- Checks -------------------------------------------------------------------------------------
