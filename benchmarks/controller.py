@@ -14,6 +14,9 @@ not there, the core given to other work, or taken without that by interrupts and
 machine. What is left the thread ran itself, as after its caches were emptied. Without a pause and with a
 priority, the system takes the core away for 50 ms of every second (`sched_rt_runtime_us`), which a controller
 that waits for its next tick never meets.
+
+At last the same skill as a C++ header (`structlearn export SKILL --cpp`), if there is g++: ticks without a
+pause, compiled for this machine.
 """
 
 import argparse
@@ -21,8 +24,12 @@ import ctypes
 import gc
 import os
 import resource
+import shutil
+import subprocess
+import tempfile
 from collections.abc import Iterator
 from contextlib import contextmanager
+from dataclasses import replace
 from itertools import cycle
 from pathlib import Path
 from time import perf_counter, thread_time
@@ -35,9 +42,10 @@ import pandas as pd
 from primitive_inputs import DT, NETWORK, SEED, demonstrations, orientation_demonstration
 from timing import Case, Contender, at_least_one, machine, sleep_to_next
 
+from structlearn.feedback.cpp_export import header
 from structlearn.feedback.models.pmnn import PhaseModulatedNetwork, coupling_term
 from structlearn.feedback.runtime import Controller
-from structlearn.feedback.skill import ReactiveSkill, on_axis
+from structlearn.feedback.skill import ReactiveSkill, Workspace, on_axis
 from structlearn.primitives import canonical
 from structlearn.primitives.orientation import fit_quaternion
 from structlearn.primitives.position import fit_position
@@ -79,6 +87,8 @@ def main() -> None:
         print(f"{ticks} ticks, {pace}: {summary(latency)}")
         print(largest(latency).to_string(index=False))
         print(f"{setting}; time that the machine's host took meanwhile: {stolen_s() - stolen:.2f} s")
+    if shutil.which("g++"):
+        print(f"{options.ticks} ticks in C++, without a pause: {cpp_summary(options.ticks)}")
 
 
 def real_time(cpu: int | None, priority: int | None) -> str:
@@ -184,6 +194,19 @@ def summary(latency: TickLatency) -> str:
         f"maximum {maximum:.0f} us\n"
         f"{len(long)} ticks above {LONG_US:.0f} us: {', '.join(told)}"
     )
+
+
+def cpp_summary(ticks: int) -> str:
+    """Durations of ticks of the header, from `controller_ticks.cpp`."""
+    measured = replace(skill(), workspace=Workspace(np.full(3, -10.0), np.full(3, 10.0)))
+    source = Path(__file__).with_name("controller_ticks.cpp")
+    with tempfile.TemporaryDirectory() as folder:
+        program = Path(folder, "ticks")
+        text = header(measured, "skill_measured", "of the benchmark")
+        Path(folder, "skill_measured.hpp").write_text(text, encoding="ascii")
+        compiler = ("g++", "-std=c++17", "-O3", "-march=native")
+        subprocess.run([*compiler, "-I", folder, source, "-o", program], check=True)
+        return subprocess.check_output([program, str(ticks)], text=True).strip()
 
 
 CAUSES = ("collecting garbage", "given to other work", "fetching memory", "interrupted", "running")

@@ -7,6 +7,7 @@
     structlearn check pour                  can the robot follow the skill? (`robot:` in the entry)
     structlearn view pour                   the recordings in 3-D
     structlearn export pour                 the demonstrations as a LeRobotDataset
+    structlearn export pour --cpp include   the skill's controller as a C++ header
     structlearn excite --urdf arm.urdf      an excitation trajectory for identifying an arm
     structlearn examples                    where the example scripts are
 
@@ -43,7 +44,7 @@ from structlearn.core.params import home_path
 from structlearn.core.stage import run
 from structlearn.tasks import project
 from structlearn.tasks.kinds import KINDS
-from structlearn.tasks.task_files import NAME_RULE, TaskFiles, is_name
+from structlearn.tasks.task_files import ABSENT, NAME_RULE, TaskFiles, is_name
 
 HEADER = """\
 # Tasks of this project by kind of data. An entry overrides the defaults of the package, which
@@ -194,7 +195,9 @@ def view(given: argparse.Namespace) -> None:
 
 
 def export(given: argparse.Namespace) -> None:
-    """Write the demonstrations of a task as a LeRobotDataset (v3.0)."""
+    """Write the demonstrations of a task as a LeRobotDataset (v3.0), or its skill as a C++ header."""
+    if given.cpp:
+        return export_cpp(given)
     from structlearn.tasks.movement.lerobot_export import write_lerobot
     from structlearn.tasks.movement.parameters import MovementEntry
 
@@ -209,6 +212,21 @@ def export(given: argparse.Namespace) -> None:
     runs, cuts = files.runs("demonstrations"), files.segmentation()
     count = write_lerobot(runs, cuts, target, words, entry.fit.smoothing_hz, given.fps, given.robot)
     print(f"{target}: LeRobotDataset of {count} episodes")
+
+
+def export_cpp(given: argparse.Namespace) -> None:
+    """Write a skill, of a task or a file, as a C++ header."""
+    from structlearn.feedback.cpp_export import write_header
+
+    file, name = Path(given.task), Path(given.task).stem
+    if not file.is_file() and file.suffix != ".safetensors":
+        file, name = TaskFiles(given.task).skill, given.task
+        if not file.exists():
+            _require_movement(name)
+            if (absent := file.with_name(ABSENT)).exists():
+                raise InputError(f"{name} has no skill: {absent.read_text(encoding='utf-8').strip()}")
+            raise InputError(f"{file}: does not exist; make it first: structlearn run {name}")
+    print(f"{write_header(file, name, given.cpp)}: controller in C++17 of {file}")
 
 
 def _require_movement(task: str) -> None:
@@ -314,9 +332,11 @@ def _arguments(words: list[str] | None) -> argparse.Namespace:
     subparser.add_argument("task")
     subparser.add_argument("--web", action="store_true", help="serve them to a browser")
     subparser = command("export", export)
-    subparser.add_argument("task")
+    subparser.add_argument("task", help="a task; with --cpp, also a skill file")
     subparser.add_argument("--format", choices=["lerobot"], default="lerobot")
-    subparser.add_argument("--to", type=Path, help="folder to make (default: the task's name)")
+    place = subparser.add_mutually_exclusive_group()
+    place.add_argument("--cpp", type=Path, metavar="FOLDER", help="where to write the skill's C++ header")
+    place.add_argument("--to", type=Path, help="folder to make (default: the task's name)")
     subparser.add_argument("--fps", type=int, help="frames per second (default: those of the task's clock)")
     subparser.add_argument("--words", help="description of the task (default: the task's title or name)")
     subparser.add_argument("--robot", help="name of the robot")
