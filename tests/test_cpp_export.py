@@ -11,6 +11,7 @@ import numpy as np
 import pytest
 from feedback_skills import random_network, random_skill
 
+from structlearn import command
 from structlearn.core import quaternion
 from structlearn.core.errors import InputError
 from structlearn.feedback.cpp_export import header, namespace_of, write_header
@@ -20,6 +21,7 @@ from structlearn.feedback.runtime import Controller, Status
 from structlearn.feedback.skill import Limits, ReactiveSkill, Workspace
 from structlearn.feedback.skill_file import write_skill
 from structlearn.primitives.sequence import default_goals, default_start
+from structlearn.tasks.task_files import TaskFiles
 
 HERE = Path(__file__).parent
 TICKS = 100_000
@@ -345,6 +347,7 @@ def test_numbers_are_exact():
         assert all(repr(value) in text for value in one.position.local.weights.ravel().tolist())
 
 
+ENTRY = "movement: {pour: {source: bags, topics: {pose: /pose}, segment: {primitives: [pour]}}}"
 STUBBED = (
     "controller_interface/controller_interface.hpp",
     "pluginlib/class_list_macros.hpp",
@@ -366,3 +369,32 @@ def test_arithmetic_without_nan_is_not_compiled(program):
     done = subprocess.run(words, capture_output=True, text=True, check=False)
     assert done.returncode != 0
     assert "takes away the check of sensor samples" in done.stderr
+
+
+def test_the_command_exports_the_skill_of_a_task_or_of_a_file(tmp_path, monkeypatch, capsys):
+    monkeypatch.chdir(tmp_path)
+    Path("structlearn.yaml").write_text(ENTRY)
+    files = TaskFiles("pour")
+
+    def refused(*words):
+        with pytest.raises(SystemExit) as ended:
+            command.main(["export", *words])
+        assert ended.value.code == 1
+        return capsys.readouterr().err
+
+    missing = "does not exist; make it first: structlearn run pour"
+    assert refused("pour", "--cpp", "include") == f"error: {files.skill}: {missing}\n"
+    files.skill.parent.mkdir(parents=True)
+    files.skill.with_name("absent.txt").write_text("'pour' turns by more than half a circle\n")
+    said = "error: pour has no skill: 'pour' turns by more than half a circle\n"
+    assert refused("pour", "--cpp", "include") == said
+    assert refused("other", "--cpp", "include").endswith("there is no such task among pour\n")
+    assert refused("other.safetensors", "--cpp", "include").startswith("error: other.safetensors: ")
+    assert not Path("include").exists()
+    write_skill(plain_skill(), files.skill, {})
+    for given, name in (("pour", "skill_pour"), (str(files.skill), "skill")):
+        command.main(["export", given, "--cpp", "include"])
+        said = f"include/{name}.hpp: controller in C++17 of {files.skill}\n"
+        assert capsys.readouterr().out == said
+        assert f"namespace {name} {{" in Path("include", f"{name}.hpp").read_text(encoding="ascii")
+    assert refused("pour", "--cpp", str(files.skill)) == f"error: {files.skill}: is not a folder\n"

@@ -357,7 +357,11 @@ inline double coupling_term(const Network& network, const Numbers<kMostFeatures>
   }
   const std::size_t width = network.widths[network.layers];
   Numbers<4> sums{features[0]};  // several, which do not wait for each other
-  for (std::size_t j = 0; j < width; ++j) sums[j % 4] += features[1 + j] * h[j];
+  std::size_t j = 0;
+  for (; j + 4 <= width; j += 4) {
+    for (std::size_t k = 0; k < 4; ++k) sums[k] += features[1 + j + k] * h[j + k];
+  }
+  for (; j < width; ++j) sums[0] += features[1 + j] * h[j];
   return sums[0] + sums[1] + sums[2] + sums[3];
 }
 

@@ -72,8 +72,9 @@ def header(skill: ReactiveSkill, namespace: str, source: str) -> str:
     networks = _known_networks(skill)
     assert skill.workspace is not None
     axes, limits, names = skill.axes, skill.limits, [one.name for one in skill.primitives]
-    turnings = [one.orientation for one in skill.primitives if one.orientation is not None]
-    forced = [*(one.position.local for one in skill.primitives), *turnings, *skill.expected.values()]
+    weights = [one.position.local.weights for one in skill.primitives]
+    weights += [turning.weights for turning in map(_turning, skill.primitives) if turning is not None]
+    weights += [traces.weights for traces in skill.expected.values()]
     arrays = {
         "skill": [_primitive(one) for one in skill.primitives],
         "expected": [_traces(skill.expected.get(name)) for name in names],
@@ -93,7 +94,7 @@ def header(skill: ReactiveSkill, namespace: str, source: str) -> str:
         primitive_count=len(names),
         channels=skill.channels,
         axis_count=len(axes),
-        most_kernels=max([len(one.weights) for one in forced] + [one.kernel_count for one in used]),
+        most_kernels=max([*map(len, weights), *(one.kernel_count for one in used)]),
         most_layers=max((len(one.hidden) for one in used), default=0),
         widest=max((width for one in used for width in one.sizes), default=0),
         most_values=max((len(one.compiled().values) for one in used), default=0),
@@ -111,7 +112,8 @@ def _known_networks(skill: ReactiveSkill) -> dict[tuple[str, str], PhaseModulate
     but = "which the C++ header does not know"
     if skill.workspace is None:
         raise InputError("a skill without a workspace is not for a robot")
-    for name, part in (("the skill", skill), *((f"'{one.name}'", one) for one in skill.primitives)):
+    parts: list[tuple[str, Any]] = [(f"'{one.name}'", one) for one in skill.primitives]
+    for name, part in (("the skill", skill), *parts):
         for field in fields(part):
             if field.name not in KNOWN and np.any(getattr(part, field.name)):
                 raise InputError(f"{name} has {field.name}, {but}")
@@ -130,7 +132,7 @@ def _known_networks(skill: ReactiveSkill) -> dict[tuple[str, str], PhaseModulate
 
 def _primitive(one: PosePrimitive) -> tuple[Any, ...]:
     """`Primitive` of the header."""
-    local, turning = one.position.local, one.orientation
+    local, turning = one.position.local, _turning(one)
     reach = local.goal - local.start
     scaled = local.scaled & (np.abs(reach) >= SMALLEST_AMPLITUDE)  # as `vector.relative_scale`
     return (
@@ -144,6 +146,11 @@ def _primitive(one: PosePrimitive) -> tuple[Any, ...]:
         _weights(local.weights),
         ABSENT if turning is None else _weights(turning.weights),
     )
+
+
+def _turning(one: PosePrimitive) -> QuaternionPrimitive | None:
+    assert isinstance(one.orientation, QuaternionPrimitive | None)  # as in every skill
+    return one.orientation
 
 
 def _traces(expected: VectorPrimitive | None) -> tuple[Any, ...]:
