@@ -84,10 +84,10 @@ def test_a_moved_goal_shifts_all_strokes(skill):
         ticked(each, lambda controller: controller.primitive == 1)
     offset = np.array([0.01, 0.02, 0.01])
     controller.move_goal("wipe", skill.primitives[1].position.goal + offset)
-    within = [
+    paths = [
         ticked(each, lambda controller: controller.primitive == 2)[:, :3] for each in (controller, still)
     ]
-    moved = within[0] - within[1]
+    moved = paths[0] - paths[1]
     np.testing.assert_allclose(moved[0], 0.0, atol=1e-4)
     np.testing.assert_allclose(moved[len(moved) // 2 :] - offset, 0.0, atol=1e-3)
 
@@ -106,5 +106,5 @@ def test_a_damaged_rhythm_is_refused(skill, tmp_path, rhythm):
     write_skill(skill, path, {})
     tensors = read_tensors(path) | {"primitives.wipe.position.local.rhythm": np.array(rhythm)}
     write_tensors(tensors, path, read_description(path))
-    with pytest.raises(InputError, match="its rhythm is|not finite|holds nan"):
+    with pytest.raises(InputError, match="rhythm"):
         read_skill(path)

@@ -159,7 +159,9 @@ def _described(path: str | Path) -> dict[str, Any]:
 def _check(tensors: Mapping[str, np.ndarray], described: Mapping[str, Any]) -> None:
     """Refuse other versions and units, missing limits, and numbers or durations out of range."""
     if (version := described.get("version")) not in (VERSION, RHYTHMIC):
-        raise InputError(f"a skill file of version {version}; versions {VERSION} and {RHYTHMIC} are read")
+        raise InputError(
+            f"a skill file of version {version}; version {VERSION} is read, and {RHYTHMIC} with strokes"
+        )
     if described["units"] != UNITS:
         raise InputError(f"its units are not those of a skill: {json.dumps(UNITS)}")
     if missing := sorted(set(Limits.model_fields) - set(described["limits"])):

@@ -8,7 +8,6 @@ from typing import Self, get_args
 import numpy as np
 import pandas as pd
 from pydantic import Field
-from scipy.interpolate import PchipInterpolator
 
 from structlearn.core import quaternion
 from structlearn.core.errors import InputError
@@ -64,6 +63,8 @@ class Strokes(Segment):
     @classmethod
     def of(cls, run: Demonstration, knots: np.ndarray, smoothing_hz: float) -> Self:
         """Strokes of a run; `knots`: (K, 2) s and cycles, between which time is stretched smoothly."""
+        from scipy.interpolate import PchipInterpolator  # takes a third of a second to import
+
         (start, first), (end, last) = knots[[0, -1]]
         dt, period = run.dt, (end - start) / (last - first)
         outside = np.array([[start - period, first - 1.0], *knots, [end + period, last + 1.0]])
