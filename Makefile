@@ -61,9 +61,10 @@ recorded: $(INSTALLED)  ## run the pipeline on recorded data: make recorded DATA
 	@$(BIN)/python -m structlearn.core.stage
 	@echo "reports/recorded/index.html is up to date; 3-D: cd $(RECORDED) && structlearn view reaches"
 
-# Six bags of an invented pick-and-place task, to try a task of your own on.
-own-example: $(INSTALLED)  ## write six example bags of a simulated task
+# Six bags each of an invented pick-and-place task and of wiping, to try a task of your own on.
+own-example: $(INSTALLED)  ## write example bags of two simulated tasks
 	$(BIN)/python -m dissertation.simulation.pick_and_place data/example/pick
+	$(BIN)/python -m dissertation.simulation.wiping data/example/wipe
 
 # Timings against public libraries, which are installed first; latency, growth and workers. Needs an idle machine.
 BENCH := reports/benchmarks

@@ -32,6 +32,7 @@ def learned(primitive):
         (of, name): np.asarray(value)
         for of, one in enumerate((local, turn))
         for name, value in vars(one).items()
+        if value is not None
     } | {(2, "ends"): np.concatenate([primitive.position.start, primitive.position.goal])}
 
 

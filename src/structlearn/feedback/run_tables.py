@@ -12,10 +12,10 @@ from structlearn.feedback.controller_tick import Plan
 from structlearn.feedback.coupling import AXES
 from structlearn.feedback.coupling_model import CouplingModel
 from structlearn.feedback.skill import ReactiveSkill, real_numbers
-from structlearn.primitives import canonical, kernels, transformation
+from structlearn.primitives import transformation
 from structlearn.primitives.orientation import QuaternionPrimitive
 from structlearn.primitives.sequence import PoseGoal, default_goals, default_start
-from structlearn.primitives.vector import relative_scale, sample_count
+from structlearn.primitives.vector import sample_count
 
 Place = tuple[int, int]  # index of the primitive, index of the axis
 Point = tuple[np.ndarray, np.ndarray, np.ndarray]  # position, velocity, acceleration (3,) each
@@ -49,7 +49,8 @@ def plan_in_time(
     `durations` in s and `goals` per primitive; `feedback`: whether networks are used.
     """
     dt, limits, axes = 1.0 / rate_hz, skill.limits, skill.axes
-    taus = np.array([canonical.time_constant(duration) for duration in durations])
+    movements = [primitive.position.local for primitive in skill.primitives]
+    taus = np.array([own.time_constant(duration) for own, duration in zip(movements, durations, strict=True)])
     counts = [sample_count(duration, dt) for duration in durations]
     counts[-1] = sample_count((1.0 + HELD_DURATIONS) * durations[-1], dt)
     rows = np.cumsum([0, *counts])
@@ -59,17 +60,19 @@ def plan_in_time(
         for name, by_axis in (skill.networks if feedback else {}).items()
         for axis, network in by_axis.items()
     }
+    begins = [default_start(skill.primitives), *goals]  # of turns; what differs is absorbed by the goal
     for index, (primitive, tau, count) in enumerate(zip(skill.primitives, taus, counts, strict=True)):
         part = slice(rows[index], rows[index + 1])
         if isinstance(primitive.orientation, QuaternionPrimitive):
-            weights = primitive.orientation.weights
-            turning[part] = kernels.sampled_features(count, dt / tau, len(weights)) @ weights
+            turn, ends = primitive.orientation, [begins[place].orientation for place in (index, index + 1)]
+            turning[part] = turn.features(count, dt / tau) @ turn.weights_towards(*ends)
         if primitive.name in skill.expected:
             traces, until = skill.expected[primitive.name], dt * (count - 1)
             expected[part] = traces.unroll(dt, duration=durations[index], until=until).position
     turning[-1] = 0.0
     phases = [
-        canonical.phase(dt / tau * np.arange(count), 1.0) for tau, count in zip(taus, counts, strict=True)
+        own.phase(dt / tau * np.arange(count))
+        for own, tau, count in zip(movements, taus, counts, strict=True)
     ]
     phases[-1][1][-1] = 0.0
     return Plan(
@@ -137,9 +140,8 @@ def forcing_in_base_frame(
         except ValueError as error:
             raise InputError(f"'{primitive.name}' from {state[0]} to {goals[index]}: {error}") from error
         part = slice(plan.rows[index], plan.rows[index + 1])
-        scale = relative_scale((goals[index] - state[0]) @ axes, local.goal - local.start, local.scaled)
-        features = kernels.sampled_features(part.stop - part.start, dt / tau, len(local.weights))
-        forcing[part] = features @ (local.weights * scale) @ axes.T
+        weights = local.weights_towards(np.zeros(3), (goals[index] - state[0]) @ axes)
+        forcing[part] = local.features(part.stop - part.start, dt / tau) @ weights @ axes.T
         state = end_state(forcing[part], dt, tau, state, goals[index])
     forcing[-1] = 0.0
     return forcing

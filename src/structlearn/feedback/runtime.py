@@ -22,7 +22,7 @@ from structlearn.core import quaternion
 from structlearn.core.errors import InputError
 from structlearn.feedback import controller_tick, run_tables
 from structlearn.feedback.skill import ReactiveSkill, real_numbers
-from structlearn.primitives import canonical
+from structlearn.primitives import canonical, rhythmic
 from structlearn.primitives.sequence import PoseGoal
 from structlearn.primitives.transformation import ALPHA, BETA
 from structlearn.primitives.vector import sample_count
@@ -84,23 +84,23 @@ class Controller:
         self._run = controller_tick.table(self._plan, self._state)  # their arrays are never replaced
         self._sample, self._clock = self._state.sample, self._state.clock
         self._sample_rule = f"a sensor sample has {len(self._sample)} numbers"
-        self._started = False
+        self._started, self._skipped = False, 0
         self.position, self.velocity, self.acceleration = map(_read_only, self._state.path[:, 0, 0])
         self.angular_velocity, self.angular_acceleration = map(_read_only, self._state.turning[:, 0, 0])
         self.orientation = _read_only(self._state.orientation[0, 0])
         self.deviation, self.coupling = _read_only(self._state.deviation), _read_only(self._state.coupling)
 
-    def __getstate__(self) -> tuple[tuple[Any, ...], list[np.ndarray], bool]:
+    def __getstate__(self) -> tuple[tuple[Any, ...], list[np.ndarray], bool, int]:
         """Enough to plan and continue the run elsewhere: addresses of compiled functions hold here only."""
-        return self._planned, self._arrays(), self._started
+        return self._planned, self._arrays(), self._started, self._skipped
 
-    def __setstate__(self, kept: tuple[tuple[Any, ...], list[np.ndarray], bool]) -> None:
+    def __setstate__(self, kept: tuple[tuple[Any, ...], list[np.ndarray], bool, int]) -> None:
         """Continue a run; copies and unpickled controllers are independent of the original."""
-        planned, arrays, started = kept
+        planned, arrays, started, skipped = kept
         Controller.__init__(self, *planned)
         for own, array in zip(self._arrays(), arrays, strict=True):
             own[:] = array
-        self._started = started
+        self._started, self._skipped = started, skipped
 
     def _arrays(self) -> list[np.ndarray]:
         """Everything that does not follow from the arguments of the constructor alone, to the last bit."""
@@ -143,7 +143,7 @@ class Controller:
         controller_tick.tick(self._run, False)
         for name in before.keys() - {"path", "turning", "orientation", "deviation"}:  # all but outputs
             getattr(state, name)[:] = before[name]
-        self._started = True
+        self._started, self._skipped = True, 0
 
     def tick(self, counts: np.ndarray | None) -> int:
         """Advance to the next sample of the run; the first tick outputs the start itself.
@@ -210,6 +210,29 @@ class Controller:
             evolving = quaternion.product(quaternion.from_rotation_vector(state.remaining[0]), old_turned)
             state.remaining[0] = quaternion.difference(evolving, turned)
 
+    def stop_strokes(self) -> int:
+        """Leave out as many whole cycles of the running rhythmic primitive as possible; call between ticks.
+
+        Its last cycles are kept, with which the hand comes to rest at the goal; in its first half cycle, call
+        again later. Returns the number of cycles left out: 0 if none can be, or the primitive is discrete.
+
+        Raises RuntimeError: the run has not been started.
+        """
+        if not self._started:
+            raise RuntimeError("start() comes before stop_strokes()")
+        row, running = self._clock[[controller_tick.ROW, controller_tick.PRIMITIVE]]
+        rhythm, period = self.skill.primitives[running].rhythm, self._plan.tau[running] / self._dt
+        if rhythm is None:
+            return 0
+        elapsed = (row - self._plan.rows[running]) / period
+        cycles = int(np.floor(rhythm.cycles - elapsed - rhythmic.TRANSIENT))
+        if elapsed < rhythmic.TRANSIENT or cycles < 1:
+            return 0
+        ticks = round(cycles * period)
+        self._clock[controller_tick.ROW] += ticks
+        self._skipped += ticks
+        return cycles
+
     def _due_point(self) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """Position, velocity, acceleration of the due sample."""
         plan, (row, running) = self._plan, self._clock[[controller_tick.ROW, controller_tick.PRIMITIVE]]
@@ -241,16 +264,19 @@ class Controller:
 
     @property
     def phase(self) -> float:
-        """Phase p of the running primitive."""
+        """Phase p of the running primitive; of a rhythmic one, of its cycle."""
         plan, primitive = self._plan, self.primitive
         switches = plan.rows[primitive] - primitive  # a switch has two rows, but is one sample
-        elapsed = self._dt * (self._ticks_done - switches)
-        return float(canonical.phase(elapsed, plan.tau[primitive])[0])
+        elapsed = self._dt * (self._ticks_done + self._skipped - switches)
+        rhythm, tau = self.skill.primitives[primitive].rhythm, plan.tau[primitive]
+        if rhythm is not None:
+            return float(rhythmic.phase(elapsed / tau, rhythm)[0])
+        return float(canonical.phase(elapsed, tau)[0])
 
     @property
     def finished(self) -> bool:
         """Whether the last primitive has ended; ticks may continue, and the pose settles at the goal."""
-        return bool(self._ticks_done >= self._last_tick)
+        return bool(self._ticks_done + self._skipped >= self._last_tick)
 
     @property
     def _ticks_done(self) -> int:

@@ -44,7 +44,7 @@ UNITS = {
     "wrench": "force in N, then torque in N m",
 }
 
-VERSION = 1  # of the file format
+VERSION, RHYTHMIC = 1, 2  # of the file format: without and with rhythmic primitives
 LARGEST = 1e9
 """Largest absolute value that is accepted; below it no tick overflows."""
 SHORTEST_S, LONGEST_S = 1e-3, 1000.0  # of a primitive: at least a tick; more suggests a unit error
@@ -80,7 +80,7 @@ def write_skill(skill: ReactiveSkill, path: str | Path, provenance: Mapping[str,
         for axis, network in by_axis.items():
             tensors |= prefixed(f"networks.{name}.{axis}", network.arrays())
     description = {
-        "version": VERSION,
+        "version": RHYTHMIC if any(one.rhythm is not None for one in skill.primitives) else VERSION,
         "primitives": kinds,
         "expected": list(skill.expected),
         "networks": models,
@@ -158,8 +158,10 @@ def _described(path: str | Path) -> dict[str, Any]:
 
 def _check(tensors: Mapping[str, np.ndarray], described: Mapping[str, Any]) -> None:
     """Refuse other versions and units, missing limits, and numbers or durations out of range."""
-    if (version := described.get("version")) != VERSION:
-        raise InputError(f"a skill file of version {version}; version {VERSION} is read")
+    if (version := described.get("version")) not in (VERSION, RHYTHMIC):
+        raise InputError(
+            f"a skill file of version {version}; version {VERSION} is read, and {RHYTHMIC} with strokes"
+        )
     if described["units"] != UNITS:
         raise InputError(f"its units are not those of a skill: {json.dumps(UNITS)}")
     if missing := sorted(set(Limits.model_fields) - set(described["limits"])):

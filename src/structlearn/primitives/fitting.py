@@ -1,7 +1,9 @@
 """Fit primitives to segmented demonstrations (IV.5.4), and measure how well they reproduce them."""
 
 from collections.abc import Mapping, Sequence
-from typing import get_args
+from dataclasses import replace
+from itertools import compress
+from typing import Self, get_args
 
 import numpy as np
 import pandas as pd
@@ -11,7 +13,14 @@ from structlearn.core import quaternion
 from structlearn.core.errors import InputError
 from structlearn.core.params import Parameters
 from structlearn.primitives.kernels import Regression
-from structlearn.primitives.position import FrameChoice, fit_position, fit_position_subsets
+from structlearn.primitives.orientation import QuaternionPrimitive, fit_rhythmic_quaternion
+from structlearn.primitives.position import (
+    FrameChoice,
+    fit_position,
+    fit_position_subsets,
+    fit_rhythmic_position,
+)
+from structlearn.primitives.rhythmic import PARTS, Rhythm, amplitude
 from structlearn.primitives.sequence import PosePrimitive, fit_orientation, fit_orientation_subsets
 from structlearn.primitives.trajectory import (
     OrientationTrajectory,
@@ -19,7 +28,7 @@ from structlearn.primitives.trajectory import (
     differentiated,
     differentiated_orientation,
 )
-from structlearn.primitives.vector import SubsetFit
+from structlearn.primitives.vector import SubsetFit, rhythmic_target
 from structlearn.readers.demonstration import Demonstration
 
 
@@ -37,11 +46,52 @@ class FitParameters(Parameters):
         return "reach"
 
 
+MARGIN_TICKS = 200  # of recorded time around strokes, with which they are filtered
+
 REPRODUCTION_ERRORS = ("mean_mm", "max_mm", "end_mm", "mean_deg", "max_deg", "end_deg")
 """Columns of reproduction errors; those in degrees exist only with orientations."""
 
 Segment = tuple[Trajectory, OrientationTrajectory | None]
 """Position and, where recorded, orientation of one primitive in one demonstration."""
+
+
+class Strokes(Segment):
+    """Segment of a rhythmic primitive, in even time: each of its cycles takes equally long."""
+
+    rhythm: Rhythm
+
+    @classmethod
+    def of(cls, run: Demonstration, knots: np.ndarray, smoothing_hz: float) -> Self:
+        """Strokes of a run; `knots`: (K, 2) s and cycles, between which time is stretched smoothly."""
+        from scipy.interpolate import PchipInterpolator  # takes a third of a second to import
+
+        (start, first), (end, last) = knots[[0, -1]]
+        dt, period = run.dt, (end - start) / (last - first)
+        outside = np.array([[start - period, first - 1.0], *knots, [end + period, last + 1.0]])
+        ticks = round((end - start) / dt)
+        margin = min(round(period / dt), MARGIN_TICKS)
+        even = first + np.arange(-margin, ticks + margin + 1) * ((last - first) / ticks)
+        times = np.clip(PchipInterpolator(*outside.T[::-1])(even), 0.0, run.time[-1])
+        columns = [np.interp(times, run.time, column) for column in run.position.T]
+        ends, orientation = (margin, margin + ticks), None
+        if run.orientation is not None:
+            turned = quaternion.interpolate(times, run.time, run.orientation)
+            orientation = differentiated_orientation(turned, dt, smoothing_hz).cut(*ends)
+        position = differentiated(np.stack(columns, axis=1), dt, smoothing_hz).cut(*ends)
+        strokes = cls((position, orientation))
+        strokes.rhythm = Rhythm(float(first), float(last - first))
+        return strokes
+
+    def repeated_by(self, primitive: PosePrimitive) -> PosePrimitive:
+        """The primitive with the number of cycles and the amplitude of this demonstration."""
+        local, orientation = primitive.position.local, primitive.orientation
+        rows, target = rhythmic_target(self[0], self.rhythm, len(local.weights) // PARTS)
+        scale = amplitude(local.weights, rows, target)
+        own = replace(local, rhythm=self.rhythm, weights=scale * local.weights)
+        if isinstance(orientation, QuaternionPrimitive):
+            orientation = replace(orientation, rhythm=self.rhythm)
+        position = replace(primitive.position, local=own)
+        return replace(primitive, position=position, orientation=orientation)
 
 
 def whole_run_cuts(demonstrations: Sequence[Demonstration]) -> pd.DataFrame:
@@ -83,6 +133,9 @@ def sequence_segments(
             ends = [round(float(cut[end]) / dt) for end in ("start_s", "end_s")]
             if ends[1] - ends[0] < 2:
                 raise InputError(f"{demonstration.name}: a segment has fewer than three samples")
+            if "knots" in cut:
+                segments[name].append(Strokes.of(demonstration, cut["knots"], smoothing_hz))
+                continue
             segments[name].append(
                 (position.cut(*ends), None if orientation is None else orientation.cut(*ends))
             )
@@ -103,6 +156,11 @@ def orientations(segments: Sequence[Segment]) -> list[OrientationTrajectory]:
 def learn_primitive(name: str, segments: Sequence[Segment], parameters: FitParameters) -> PosePrimitive:
     """Fit one primitive to its segments, one per demonstration; with orientation if it was recorded."""
     positions, turns = zip(*segments, strict=True)
+    rhythms = [segment.rhythm for segment in segments if isinstance(segment, Strokes)]
+    if rhythms:
+        count = parameters.kernel_count
+        turning = fit_rhythmic_quaternion(orientations(segments), rhythms, count) if any(turns) else None
+        return PosePrimitive(name, fit_rhythmic_position(positions, rhythms, count), turning)
     choice = (parameters.regression, parameters.kernel_count)
     orientation = fit_orientation(orientations(segments), *choice) if any(turns) else None
     position = fit_position(positions, parameters.scaled_axes, *choice, parameters.frame_choice)
@@ -161,7 +219,7 @@ def primitive_errors(
         for method, of_all in learned.items():
             primitives = {False: of_all} if without is None else {False: of_all, True: without(used, method)}
             for left_out, primitive in primitives.items():
-                errors = [_errors(primitive, *segments[place]) for place in places[~used].tolist()]
+                errors = [_errors(primitive, segments[place]) for place in places[~used].tolist()]
                 rows.setdefault((method, left_out), []).extend(errors)
     keys = {"primitive": name, "demonstration": list(demonstrations)}
     return [
@@ -174,6 +232,8 @@ def learn_subsets(
     name: str, segments: Sequence[Segment], parameters: FitParameters
 ) -> SubsetFit[PosePrimitive]:
     """As `learn_primitive`, from some of the segments at a time, by either regression."""
+    if isinstance(segments[0], Strokes):  # has one regression
+        return lambda used, _: learn_primitive(name, list(compress(segments, used)), parameters)
     positions, turns = zip(*segments, strict=True)
     count = parameters.kernel_count
     position = fit_position_subsets(positions, parameters.scaled_axes, count, parameters.frame_choice)
@@ -190,16 +250,19 @@ def learn_subsets(
 def reproduction_errors(primitive: PosePrimitive, segments: Sequence[Segment]) -> pd.DataFrame:
     """Distance of each segment from the primitive, unrolled with the segment's start, goal and duration.
 
+    Rhythmic ones also have its number of cycles and amplitude, and are compared at the same phase.
+
     One row per segment: `mean_mm`, `max_mm`, `end_mm`, `nmse` (all axes together) and, with an orientation,
     `mean_deg`, `max_deg`, `end_deg`.
     """
-    return pd.DataFrame([_errors(primitive, *segment) for segment in segments])
+    return pd.DataFrame([_errors(primitive, segment) for segment in segments])
 
 
-def _errors(
-    primitive: PosePrimitive, position: Trajectory, orientation: OrientationTrajectory | None
-) -> dict[str, float]:
+def _errors(primitive: PosePrimitive, segment: Segment) -> dict[str, float]:
     """Row of `reproduction_errors`."""
+    position, orientation = segment
+    if isinstance(segment, Strokes):
+        primitive = segment.repeated_by(primitive)
     path = primitive.position.unroll(
         position.dt, position.position[0], position.position[-1], position.duration
     )

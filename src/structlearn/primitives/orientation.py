@@ -9,14 +9,15 @@ axis is integrated exactly.
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass
-from typing import Any
+from dataclasses import dataclass, replace
+from typing import Any, Self
 
 import numpy as np
 
 from structlearn.core import quaternion
 from structlearn.core.compilation import numba
-from structlearn.primitives import canonical, kernels
+from structlearn.primitives import canonical, kernels, rhythmic
+from structlearn.primitives.rhythmic import Rhythm
 from structlearn.primitives.trajectory import OrientationTrajectory
 from structlearn.primitives.transformation import ALPHA, ALPHA_G, BETA, Array, Coupling, step_matrix
 from structlearn.primitives.vector import Boundaries, ForcedPrimitive, SubsetFit
@@ -28,13 +29,25 @@ class QuaternionPrimitive(ForcedPrimitive[OrientationTrajectory]):
 
     def forcing(self, times: np.ndarray, duration: float) -> np.ndarray:
         """Forcing term (..., T, 3) at times (T,) s of a movement that takes `duration` s."""
-        p, u = canonical.phase(times, canonical.time_constant(duration))
-        return kernels.features(p, u, self.weights.shape[-2]) @ self.weights
+        return self.features_at(times, duration) @ self.weights_towards(self.start, self.goal)
+
+    def weights_towards(self, start: np.ndarray, goal: np.ndarray) -> np.ndarray:
+        """Weights (..., N, 3) of `features` for a movement from `start` to `goal` (4,)."""
+        if self.rhythm is None:
+            return self.weights
+        return rhythmic.with_baseline(self.weights, quaternion.difference(start, goal), np.zeros(3))
+
+    def repeated(self, cycles: float, amplitude: float = 1.0) -> Self:
+        """As `ForcedPrimitive.repeated`; the goal follows in the tangent space at the start."""
+        way = quaternion.difference(self.goal, self.start)
+        fields, way = self._repeated(way, cycles, amplitude)
+        goal = quaternion.product(quaternion.from_rotation_vector(way), self.start)
+        return replace(self, goal=goal, **fields)
 
     def _integrated(
         self, start: np.ndarray, goal: np.ndarray, features: np.ndarray, *system: Any
     ) -> OrientationTrajectory:
-        return unroll(start, goal, features @ self.weights, *system)
+        return unroll(start, goal, features @ self.weights_towards(start, goal), *system)
 
 
 def fit_quaternion(
@@ -61,6 +74,28 @@ def fit_quaternion_subsets(
         return _fitted(ends.of_some(used), equations.weights(used, None, method))
 
     return fit
+
+
+def fit_rhythmic_quaternion(
+    demonstrations: Sequence[OrientationTrajectory],
+    rhythms: Sequence[Rhythm],
+    kernel_count: int = kernels.KERNEL_COUNT,
+) -> QuaternionPrimitive:
+    """As `vector.fit_rhythmic`, in the tangent space of the orientation, and with amplitudes of 1."""
+    rows, targets = [], []
+    for path, rhythm in zip(demonstrations, rhythms, strict=True):
+        tau = path.duration / rhythm.cycles
+        rows.append(rhythmic.features(path.time / tau, rhythm, kernel_count))
+        baseline = rows[-1][:, -1:] * quaternion.difference(path.orientation[0], path.orientation[-1])
+        targets.append(forcing_target(path, tau, forcing=baseline[0]) - baseline)
+    amplitudes = np.ones(len(rows))
+    weights = rhythmic.fitted(rows, targets, amplitudes)
+    ends = Boundaries.of(demonstrations)
+    origin = quaternion.mean(ends.start)
+    starts, goals = (quaternion.difference(turns, origin) for turns in (ends.start, ends.goal))
+    typical, *vectors = rhythmic.mean_ends(weights, amplitudes, rhythms, starts, goals)
+    start, goal = (quaternion.product(quaternion.from_rotation_vector(vector), origin) for vector in vectors)
+    return QuaternionPrimitive(weights, start, goal, *ends.over(rhythms, typical), rhythm=typical)
 
 
 def _forcing_targets(demonstrations: Sequence[OrientationTrajectory]) -> list[np.ndarray]:
@@ -98,9 +133,18 @@ def goal_path(goal: np.ndarray, first: np.ndarray, times: np.ndarray, tau: float
     return quaternion.product(quaternion.from_rotation_vector(remaining), goal)
 
 
-def forcing_target(path: OrientationTrajectory, tau: float, goal: np.ndarray | None = None) -> np.ndarray:
-    """Forcing term (T, 3) that reproduces a demonstration (eq. IV.9); `goal`: (4,), default its end."""
-    first = initial_goal(path.orientation[0], path.angular_velocity[0], path.angular_acceleration[0], tau)
+def forcing_target(
+    path: OrientationTrajectory,
+    tau: float,
+    goal: np.ndarray | None = None,
+    forcing: np.ndarray | float = 0.0,
+) -> np.ndarray:
+    """Forcing term (T, 3) that reproduces a demonstration (eq. IV.9).
+
+    `goal`: (4,), default its end. `forcing`: (3,) the term at the start, as in `initial_goal`.
+    """
+    state = path.orientation[0], path.angular_velocity[0], path.angular_acceleration[0]
+    first = initial_goal(*state, tau, forcing)
     goal = path.orientation[-1] if goal is None else goal
     error = quaternion.difference(goal_path(goal, first, path.time, tau), path.orientation)
     return tau**2 * path.angular_acceleration - ALPHA * (BETA * error - tau * path.angular_velocity)

@@ -1,17 +1,24 @@
 """Primitive of a Cartesian position in its local frame, which is aligned with the reach (IV.6.1)."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cache
-from typing import Literal
+from typing import Literal, Self
 
 import numpy as np
 
 from structlearn.core import signals
 from structlearn.core.frames import FrameKind, frame_kind, local_frame
 from structlearn.primitives import kernels, transformation
+from structlearn.primitives.rhythmic import Rhythm
 from structlearn.primitives.trajectory import Trajectory
-from structlearn.primitives.vector import SubsetFit, VectorPrimitive, fit_vector, fit_vector_subsets
+from structlearn.primitives.vector import (
+    SubsetFit,
+    VectorPrimitive,
+    fit_rhythmic,
+    fit_vector,
+    fit_vector_subsets,
+)
 
 SHORTEST_REACH = 0.01
 """m; shorter reaches use the base frame, because their direction is mostly noise."""
@@ -41,6 +48,11 @@ class PositionPrimitive:
     def duration(self) -> float:
         """Mean duration of the demonstrations in s."""
         return self.local.duration
+
+    def repeated(self, cycles: float, amplitude: float = 1.0) -> Self:
+        """As `ForcedPrimitive.repeated`."""
+        local = self.local.repeated(cycles, amplitude)
+        return replace(self, local=local, goal=self.start + local.goal)
 
     def unroll(
         self,
@@ -93,6 +105,17 @@ def fit_position(
     return PositionPrimitive(
         fit_vector(local, _scaled(scaled, kind), method, kernel_count), kind, start, goal
     )
+
+
+def fit_rhythmic_position(
+    demonstrations: Sequence[Trajectory],
+    rhythms: Sequence[Rhythm],
+    kernel_count: int = kernels.KERNEL_COUNT,
+) -> PositionPrimitive:
+    """As `vector.fit_rhythmic`, in the axes of the base: a reach that returns has no direction."""
+    fitted = fit_rhythmic(demonstrations, rhythms, kernel_count)
+    local = replace(fitted, start=np.zeros(3), goal=fitted.goal - fitted.start)
+    return PositionPrimitive(local, "world", fitted.start, fitted.goal)
 
 
 def fit_position_subsets(

@@ -16,11 +16,14 @@ from structlearn.core.errors import InputError
 from structlearn.core.frames import FrameKind
 from structlearn.primitives.orientation import QuaternionPrimitive
 from structlearn.primitives.position import PositionPrimitive
+from structlearn.primitives.rhythmic import PARTS, Rhythm
 from structlearn.primitives.sequence import OrientationPrimitive, PosePrimitive
 from structlearn.primitives.twist_swing import TwistSwingPrimitive
 from structlearn.primitives.vector import VectorPrimitive
 
 Tensors = dict[str, np.ndarray]
+
+MOST_CYCLES = 1e4  # of a rhythmic primitive; more suggests a damaged file
 
 
 class PrimitiveKind(TypedDict):
@@ -102,7 +105,7 @@ def vector_tensors(primitive: VectorPrimitive | PositionPrimitive | OrientationP
     for name, value in vars(primitive).items():
         if isinstance(value, VectorPrimitive):
             tensors |= prefixed(name, vector_tensors(value))
-        elif not isinstance(value, str):
+        elif not isinstance(value, str | None):
             tensors[name] = np.asarray(value)
     return tensors
 
@@ -150,4 +153,13 @@ def _checked(size: int, shapes: Mapping[str, tuple[int, ...]], tensors: Tensors)
         raise InputError(f"weights have shape {weights.shape}, not (N, {size}) with N of 2 or more")
     if duration.shape != () or not duration > 0.0:
         raise InputError(f"the duration is {duration}, not a positive number of s")
-    return {name: tensors[name] for name in ("weights", *shapes)} | {"duration": float(duration)}
+    fields = {name: tensors[name] for name in ("weights", *shapes)} | {"duration": float(duration)}
+    if "rhythm" in tensors:
+        rhythm = tensors["rhythm"]
+        if rhythm.shape != (2,) or not 0.0 < rhythm[1] <= MOST_CYCLES or len(weights) % PARTS:
+            raise InputError(
+                f"its rhythm is {rhythm} with weights {weights.shape}, not a phase and up to {MOST_CYCLES:g} "
+                f"cycles with weights (3 N, {size})"
+            )
+        fields["rhythm"] = Rhythm(*rhythm.tolist())
+    return fields

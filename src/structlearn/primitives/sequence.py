@@ -1,7 +1,7 @@
 """Sequences of primitives, continuous in position, velocity and acceleration (eq. IV.12-14)."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cache, partial
 from itertools import compress
 from typing import TYPE_CHECKING, TypeVar
@@ -13,6 +13,7 @@ from structlearn.core import quaternion
 from structlearn.core.frames import UP
 from structlearn.core.params import Parameters
 from structlearn.primitives import kernels, orientation, position, twist_swing, vector
+from structlearn.primitives.rhythmic import Rhythm
 from structlearn.primitives.trajectory import OrientationTrajectory, Trajectory
 
 if TYPE_CHECKING:
@@ -38,6 +39,18 @@ class PosePrimitive:
     def duration(self) -> float:
         """Mean duration of the demonstrations in s."""
         return self.position.duration
+
+    @property
+    def rhythm(self) -> Rhythm | None:
+        """Of a rhythmic movement."""
+        return self.position.local.rhythm
+
+    def repeated(self, cycles: float, amplitude: float = 1.0) -> "PosePrimitive":
+        """A rhythmic movement with other numbers of cycles; `amplitude`: of its position, relative."""
+        orientation = self.orientation
+        if isinstance(orientation, vector.ForcedPrimitive):
+            orientation = orientation.repeated(cycles)
+        return replace(self, position=self.position.repeated(cycles, amplitude), orientation=orientation)
 
 
 @dataclass(frozen=True)

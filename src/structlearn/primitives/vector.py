@@ -6,12 +6,14 @@ per channel; deviations from them are the input of feedback models.
 
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field, replace
+from itertools import repeat
 from typing import Any, Generic, Self, TypeVar
 
 import numpy as np
 
-from structlearn.primitives import canonical, kernels, transformation
+from structlearn.primitives import canonical, kernels, rhythmic, transformation
+from structlearn.primitives.rhythmic import Rhythm
 from structlearn.primitives.trajectory import OrientationTrajectory, Trajectory, differentiated
 
 SMALLEST_AMPLITUDE = 1e-3
@@ -25,12 +27,41 @@ Fitted = TypeVar("Fitted")
 class ForcedPrimitive(ABC, Generic[Unrolled]):
     """Forcing weights and the demonstrations' mean boundary conditions, for a vector or an orientation."""
 
-    weights: np.ndarray  # (..., N, D) forcing weights; leading axes make a batch
+    weights: (
+        np.ndarray
+    )  # (..., N, D) forcing weights; leading axes make a batch. Rhythmic ones: (..., 3 N, D)
     start: np.ndarray  # (D,) mean start of the demonstrations; orientation (4,)
     goal: np.ndarray  # (D,) mean goal of the demonstrations; orientation (4,)
     velocity: np.ndarray  # (D,) mean initial velocity of the demonstrations, per duration
     acceleration: np.ndarray  # (D,) mean initial acceleration of the demonstrations, per duration squared
     duration: float  # mean duration of the demonstrations in s
+    rhythm: Rhythm | None = field(default=None, kw_only=True)  # of a rhythmic movement
+
+    def time_constant(self, duration: float) -> float:
+        """Time constant tau in s of a movement of a duration in s: of a rhythmic one, the period."""
+        return canonical.time_constant(duration) if self.rhythm is None else duration / self.rhythm.cycles
+
+    def features(self, samples: int, step: float) -> np.ndarray:
+        """Features (T, N) of the forcing term at T samples; `step`: sampling interval / tau, dimensionless.
+
+        Of a rhythmic movement (T, 3 N + 1), as `rhythmic.features`.
+        """
+        if self.rhythm is None:
+            return kernels.sampled_features(samples, step, self.weights.shape[-2])
+        return rhythmic.features(
+            step * np.arange(samples), self.rhythm, self.weights.shape[-2] // rhythmic.PARTS
+        )
+
+    def phase(self, elapsed: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Phase and its velocity (T,) at times since the start over tau; of a rhythmic one, of the cycle."""
+        return canonical.phase(elapsed, 1.0) if self.rhythm is None else rhythmic.phase(elapsed, self.rhythm)
+
+    def features_at(self, times: np.ndarray, duration: float) -> np.ndarray:
+        """As `features`, at times (T,) s of a movement of `duration` s."""
+        tau, size = self.time_constant(duration), self.weights.shape[-2]
+        if self.rhythm is None:
+            return kernels.features(*canonical.phase(times, tau), size)
+        return rhythmic.features(times / tau, self.rhythm, size // rhythmic.PARTS)
 
     def unroll(
         self,
@@ -64,12 +95,34 @@ class ForcedPrimitive(ABC, Generic[Unrolled]):
         start = self.start if start is None else np.asarray(start, dtype=float)
         goal = self.goal if goal is None else np.asarray(goal, dtype=float)
         duration = self.duration if duration is None else duration
-        tau = canonical.time_constant(duration)
-        samples = sample_count(duration if until is None else until, dt)
-        features = kernels.sampled_features(samples, dt / tau, self.weights.shape[-2])
+        tau = self.time_constant(duration)
+        features = self.features(sample_count(duration if until is None else until, dt), dt / tau)
         velocity = self.velocity / duration if velocity is None else velocity
         acceleration = self.acceleration / duration**2 if acceleration is None else acceleration
         return self._integrated(start, goal, features, dt, tau, velocity, acceleration, coupling)
+
+    @abstractmethod
+    def repeated(self, cycles: float, amplitude: float = 1.0) -> Self:
+        """The rhythmic movement with other numbers: its duration and goal follow, its period stays."""
+
+    def _repeated(
+        self, way: np.ndarray, cycles: float, amplitude: float
+    ) -> tuple[dict[str, Any], np.ndarray]:
+        """Fields of `repeated` but the goal, and the goal minus the start (D,); `way`: of this movement."""
+        if self.rhythm is None:
+            raise ValueError("a discrete movement cannot be repeated")
+        if not (cycles > 0.0 and amplitude > 0.0):
+            raise ValueError(f"cycles and amplitude must be positive, are {cycles:g} and {amplitude:g}")
+        rhythm = Rhythm(self.rhythm.first, cycles)
+        longer = cycles / self.rhythm.cycles
+        fields = {
+            "weights": amplitude * self.weights,
+            "velocity": longer * self.velocity,
+            "acceleration": longer**2 * self.acceleration,
+            "duration": longer * self.duration,
+            "rhythm": rhythm,
+        }
+        return fields, rhythmic.repeated(self.weights, way, self.rhythm, rhythm, amplitude)
 
     @abstractmethod
     def _integrated(
@@ -86,10 +139,22 @@ class VectorPrimitive(ForcedPrimitive[Trajectory]):
 
     def forcing(self, times: np.ndarray, start: np.ndarray, goal: np.ndarray, duration: float) -> np.ndarray:
         """Forcing term (..., T, D) at times (T,) s, scaled along the `scaled` axes (eq. IV.6)."""
-        p, u = canonical.phase(times, canonical.time_constant(duration))
-        return self._forcing(kernels.features(p, u, self.weights.shape[-2]), start, goal)
+        return self._forcing(self.features_at(times, duration), start, goal)
+
+    def weights_towards(self, start: np.ndarray, goal: np.ndarray) -> np.ndarray:
+        """Weights (..., N, D) of `features` for a movement from `start` to `goal` (..., D)."""
+        if self.rhythm is not None:
+            return rhythmic.with_baseline(self.weights, start, goal)
+        return self.weights * relative_scale(np.subtract(goal, start), self.goal - self.start, self.scaled)
+
+    def repeated(self, cycles: float, amplitude: float = 1.0) -> Self:
+        """As `ForcedPrimitive.repeated`; the amplitude is relative to this one's."""
+        fields, way = self._repeated(self.goal - self.start, cycles, amplitude)
+        return replace(self, goal=self.start + way, **fields)
 
     def _forcing(self, features: np.ndarray, start: np.ndarray, goal: np.ndarray) -> np.ndarray:
+        if self.rhythm is not None:
+            return features @ self.weights_towards(start, goal)
         scale = relative_scale(np.subtract(goal, start), self.goal - self.start, self.scaled)
         return features @ self.weights * scale
 
@@ -117,6 +182,40 @@ def fit_vector(
 
     ends = Boundaries.of(demonstrations)
     return _fitted(ends, _mask(scaled, ends), weights)
+
+
+def fit_rhythmic(
+    demonstrations: Sequence[Trajectory],
+    rhythms: Sequence[Rhythm],
+    kernel_count: int = kernels.KERNEL_COUNT,
+) -> VectorPrimitive:
+    """Fit a rhythmic primitive to demonstrations (T_l, D) that start and end as their rhythms say.
+
+    Cycles of a demonstration take equally long, and its amplitude is that of its path.
+    """
+    rows, targets = zip(*map(rhythmic_target, demonstrations, rhythms, repeat(kernel_count)), strict=True)
+    periods = [path.duration / rhythm.cycles for path, rhythm in zip(demonstrations, rhythms, strict=True)]
+    amplitudes = rhythmic.amplitudes([path.velocity for path in demonstrations], periods)
+    weights = rhythmic.fitted(rows, targets, amplitudes)
+    ends = Boundaries.of(demonstrations)
+    typical, start, goal = rhythmic.mean_ends(weights, amplitudes, rhythms, ends.start, ends.goal)
+    return VectorPrimitive(
+        weights, start, goal, *ends.over(rhythms, typical), np.zeros(len(start), dtype=bool), rhythm=typical
+    )
+
+
+def rhythmic_target(
+    path: Trajectory, rhythm: Rhythm, kernel_count: int = kernels.KERNEL_COUNT
+) -> tuple[np.ndarray, np.ndarray]:
+    """Features (T, 3 N + 1) of a demonstration, and the forcing term (T, D) that they are to span."""
+    tau = path.duration / rhythm.cycles
+    rows = rhythmic.features(path.time / tau, rhythm, kernel_count)
+    x, xd, xdd = path.position, path.velocity, path.acceleration
+    baseline = rows[:, -1:] * (x[0] - x[-1])
+    first = transformation.initial_goal(x[0], xd[0], xdd[0], tau, baseline[0])
+    goal = transformation.goal_path(x[-1], first, path.time, tau)
+    alpha, beta = transformation.ALPHA, transformation.BETA
+    return rows, tau**2 * xdd - alpha * (beta * (goal - x) - tau * xd) - baseline
 
 
 SubsetFit = Callable[[np.ndarray, kernels.Regression], Fitted]
@@ -177,6 +276,12 @@ class Boundaries:
     def initial_state(self) -> tuple[np.ndarray, np.ndarray, float]:
         """Mean initial velocity per duration, acceleration per duration squared, and duration in s."""
         return self.velocity.mean(axis=0), self.acceleration.mean(axis=0), float(self.duration.mean())
+
+    def over(self, rhythms: Sequence[Rhythm], typical: Rhythm) -> tuple[np.ndarray, np.ndarray, float]:
+        """Likewise of rhythmic movements, for a movement of the typical rhythm and the mean period."""
+        longer = typical.cycles / np.array([[rhythm.cycles] for rhythm in rhythms])
+        velocity, acceleration = longer * self.velocity, longer**2 * self.acceleration
+        return type(self)(self.start, self.goal, velocity, acceleration, longer * self.duration).initial_state
 
 
 def _mask(scaled: Sequence[bool] | None, ends: Boundaries) -> np.ndarray:

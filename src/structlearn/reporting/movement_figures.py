@@ -67,19 +67,29 @@ def draw_cuts(panel: Axes, cuts: Sequence[tuple[float, float]], demonstration: D
 
 
 def reproduction_panel(
-    name: str, place: int, demonstrated: Sequence[np.ndarray], unrolled: np.ndarray, labels: Sequence[str]
+    name: str,
+    place: int,
+    demonstrated: Sequence[np.ndarray],
+    unrolled: np.ndarray,
+    labels: Sequence[str],
+    cycles: Sequence[tuple[float, float]] | None = None,
 ) -> Figure:
-    """Demonstrated and unrolled curves of one primitive over normalised time, one row per axis."""
+    """Demonstrated and unrolled curves of one primitive over normalised time, one row per axis.
+
+    `cycles`: the phase at the start and end of each curve, for a rhythmic primitive.
+    """
     figure = canvas(4.2, PANEL_WIDTH)
     panels = figure.subplots(3, 1, sharex=True)
     grey: dict[str, Any] = {"color": DEMONSTRATION_COLOUR, "linewidth": 0.8, "alpha": 0.7}
     bold: dict[str, Any] = {"color": primitive_colour(place), "linewidth": 2.2}
+    curves = [*((segment, grey) for segment in demonstrated), (unrolled, bold)]
+    spans = cycles or [(0.0, 1.0)] * len(curves)
     for axis, panel in enumerate(panels):
-        for curve, look in [*((segment, grey) for segment in demonstrated), (unrolled, bold)]:
-            panel.plot(np.linspace(0.0, 1.0, len(curve)), curve[:, axis], **look)
+        for (curve, look), span in zip(curves, spans, strict=True):
+            panel.plot(np.linspace(*span, len(curve)), curve[:, axis], **look)
         panel.set_ylabel(labels[axis])
     panels[0].set_title(capitalised(name))
-    panels[-1].set_xlabel("time / duration")
+    panels[-1].set_xlabel("cycles" if cycles else "time / duration")
     figure.align_ylabels(panels)
     return figure
 

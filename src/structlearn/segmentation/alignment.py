@@ -132,6 +132,12 @@ class Refined:
 
 def refine_cuts(reference: Movement, own: Movement, parameters: SegmentParameters) -> Refined:
     """Lines 11 to 24 of algorithm IV.1 for one primitive. Raises ValueError: too few samples correspond."""
+    if own.crossing.strokes is not None:  # as many as there are: only the ends correspond
+        pairs = np.array(
+            [[movement.crossing.start, movement.crossing.end] for movement in (reference, own)]
+        ).T
+        ends = least_squares(pairs)
+        return Refined(reference, own, pairs, np.ones(2), dict.fromkeys(("ls", AS_PRINTED, RESULT), ends), 0)
     extension = round(parameters.extension_s / reference.dt)
     g = parameters.downsampling
     # Times count from the start of the demonstrations, so the extension need not be subtracted again.
@@ -202,7 +208,7 @@ def _evidence(refined: Refined, reference: bool) -> Iterator[tuple[str, float, f
     yield "rotation before it belongs to no primitive (degrees)", own.turned_deg[0], MOST_TURNED_DEG
     yield "rotation after it belongs to no primitive (degrees)", own.turned_deg[1], MOST_TURNED_DEG
     yield "a rest within it was taken for a hesitation (s)", own.paused_s, MOST_PAUSED_S
-    if reference:
+    if reference or own.strokes is not None:
         return
     duration = max(crossing.end - crossing.start, 1)
     apart = np.abs(refined.ends("zvc") - refined.ends("wls_published")).max() / duration

@@ -27,9 +27,22 @@ from structlearn.core.errors import InputError
 from structlearn.core.signals import minimum_jerk
 from structlearn.readers.demonstration import Demonstration
 from structlearn.segmentation import motion_runs, run_assignment
-from structlearn.segmentation.motion_runs import AxisMotion, Candidates, CandidateSearch, moving_interval
-from structlearn.segmentation.parameters import BETWEEN, Axis, PrimitiveParameters, SegmentParameters
+from structlearn.segmentation.motion_runs import (
+    AxisMotion,
+    Candidates,
+    CandidateSearch,
+    Strokes,
+    moving_interval,
+)
+from structlearn.segmentation.parameters import (
+    BETWEEN,
+    STROKES,
+    Axis,
+    PrimitiveParameters,
+    SegmentParameters,
+)
 from structlearn.segmentation.run_assignment import Chosen
+from structlearn.segmentation.strokes import find_strokes, stroke_candidates
 
 PHASE = np.linspace(0.0, 1.0, 2001)
 
@@ -68,6 +81,7 @@ class Crossing:
     # largest rotation in degrees since its predecessor (or the start), and after it if it is the last
     turned_deg: tuple[float, float] = (0.0, 0.0)
     paused_s: float = 0.0  # s of dips within it that count as hesitations
+    strokes: Strokes | None = None  # of which it consists, if their number varies
 
 
 Crossings = Mapping[str, Crossing]  # by name of the primitives that have an axis
@@ -115,12 +129,29 @@ def _at_onsets(
     for place, (name, crossing) in enumerate(crossings.items()):
         after = min([crossing.latest, *(later.start for later in moved[place + 1 : place + 2])])
         limits = (max(crossing.earliest, before), after)
+        if crossing.strokes is not None:
+            strokes = _strokes_at_onsets(smooth[axes[name]], dt, crossing.strokes, limits)
+            moved[place] = replace(
+                crossing, start=int(strokes.ends[0, 0]), end=int(strokes.ends[-1, 1]), strokes=strokes
+            )
+            before = moved[place].end
+            continue
         start, end = movement_ends(smooth[axes[name]], dt, (crossing.start, crossing.end), limits)
         start = crossing.start if crossing.start_known else start
         end = crossing.end if crossing.end_known else end
         moved[place] = replace(crossing, start=start, end=end)
         before = end
     return dict(zip(crossings, moved, strict=True))
+
+
+def _strokes_at_onsets(path: np.ndarray, dt: float, strokes: Strokes, limits: tuple[int, int]) -> Strokes:
+    """Strokes, each from its onset to its end; `limits`: as in `movement_ends`, of the first and last."""
+    reach = [limits[0], *strokes.ends.ravel()[1:-1].tolist(), limits[1]]
+    ends = [
+        movement_ends(path, dt, (first, last), (reach[2 * place], reach[2 * place + 1]))
+        for place, (first, last) in enumerate(strokes.ends.tolist())
+    ]
+    return replace(strokes, ends=np.array(ends))
 
 
 def _largest(demonstration: Demonstration, parameters: SegmentParameters) -> Crossings:
@@ -200,6 +231,11 @@ def _candidates(
         if primitive.until is not None
     }
     breaks = sorted({int(sample) for ends in events.values() for sample in ends})
+    if any(primitive.axis == STROKES for primitive in primitives):  # each is a run
+        lowest = min(
+            _thresholds(primitive, paces)[0] for primitive in primitives if primitive.axis == STROKES
+        )
+        most += sum(len(strokes.ends) for strokes in find_strokes(motions[STROKES], lowest))
     before = {primitive.name: previous.name for previous, primitive in pairwise(parameters.primitives)}
     searched: dict[tuple[object, ...], Candidates] = {}  # shared: same axis, threshold and events
     rows = []
@@ -211,6 +247,8 @@ def _candidates(
             thresholds = _thresholds(primitive, paces)
             search = CandidateSearch(thresholds, demonstration.dt, bridge, most, breaks, ends, begins)
             searched[key] = motion_runs.run_candidates(motions[primitive.shown_by], search)
+            if primitive.axis == STROKES:
+                searched[key] = stroke_candidates(motions[STROKES], search, searched[key])
         rows.append(searched[key])
     return rows
 
@@ -237,6 +275,7 @@ def _placed(
             mismatch=float(chosen.costs[place]),
             unassigned=(unassigned[place], after if place == len(primitives) - 1 else 0.0),
             paused_s=float(choices.paused_s[at]),
+            strokes=choices.strokes[at] if choices.strokes else None,
         )
         event, before = end if primitive.until is not None else None, end
     return crossings
@@ -274,6 +313,9 @@ def _missing(
     for primitive, choices in zip(primitives, candidates, strict=True):
         if primitive.until is not None and len(choices.runs) and len(choices.first) == 0:
             what = f"{primitive.until.signal} never comes to {primitive.until} after its motion"
+            return InputError(f"{demonstration.name}: primitive '{primitive.name}': {what}")
+        if primitive.axis == STROKES and len(choices.first) == 0:
+            what = "its motion has fewer than two strokes to and fro, or none that repeats"
             return InputError(f"{demonstration.name}: primitive '{primitive.name}': {what}")
     place = 0 if mismatch is None else int(np.argmax(mismatch))
     primitive, choices = primitives[place], candidates[place]

@@ -92,6 +92,25 @@ class AxisMotion:
 
 
 @dataclass(frozen=True)
+class Strokes:
+    """A run of at least two strokes."""
+
+    ends: np.ndarray  # (N, 2) first and last sample of each
+    share: np.ndarray  # (N,) of half a cycle that each covers: 1, but for the ends of a round run
+    way: np.ndarray  # (D,) m, displacement of the first; 0 of a round run
+
+    @property
+    def number(self) -> float:
+        """Number of strokes, two per cycle."""
+        return float(self.share.sum())
+
+    @property
+    def samples(self) -> float:
+        """Samples per stroke; the period is two strokes."""
+        return float(self.ends[-1, 1] - self.ends[0, 0] + 1) / self.number
+
+
+@dataclass(frozen=True)
 class Candidates:
     """G candidate stretches of one demonstration for one primitive."""
 
@@ -104,6 +123,15 @@ class Candidates:
     travelled: np.ndarray  # (T,) path length up to a sample, without the drift of a resting hand
     runs: np.ndarray  # (R, 2) first and last samples of the runs at the lowest threshold
     turns: bool  # whether the path is a rotation in rad
+    # (G,) strokes of which each consists, else empty; duration and path length are then those of a stroke
+    strokes: tuple[Strokes, ...] = ()
+
+    @property
+    def displacement(self) -> np.ndarray:
+        """(G, D) from start to end; of strokes, of the first one."""
+        if self.strokes:
+            return np.array([strokes.way for strokes in self.strokes])
+        return self.path[self.last] - self.path[self.first]
 
 
 def path(demonstration: Demonstration, axis: Axis) -> np.ndarray:

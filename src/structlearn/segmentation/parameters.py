@@ -7,12 +7,14 @@ from pydantic import BeforeValidator, Field, model_validator
 
 from structlearn.core.params import Name, Parameters
 
-Axis = Literal["x", "y", "z", "xyz", "rot"]
-"""Signal that shows a primitive: position along an axis or in space, or orientation (`motion_runs.path`)."""
+Axis = Literal["x", "y", "z", "xyz", "rot", "strokes"]
+"""Signal that shows a primitive: position along an axis or in space, or orientation (`motion_runs.path`);
+strokes of a varying number show in space."""
 
-AXES = {"x": [0], "y": [1], "z": [2], "xyz": [0, 1, 2]}  # columns of the position
+AXES = {"x": [0], "y": [1], "z": [2], "xyz": [0, 1, 2], "strokes": [0, 1, 2]}  # columns of the position
 
 BETWEEN: Final = "between"
+STROKES: Final = "strokes"
 
 
 class BoundParameters(Parameters):
@@ -52,6 +54,8 @@ class PrimitiveParameters(Parameters):
             raise ValueError(f"threshold_m_s must be null for the axis {self.axis}")
         if self.axis == BETWEEN and self.until is not None:
             raise ValueError("what lies between its neighbours ends where the next begins, not `until`")
+        if self.axis == STROKES and self.until is not None:
+            raise ValueError("strokes end with the last one, not `until`")
         return self
 
     @property
@@ -122,4 +126,4 @@ class SegmentParameters(Parameters):
         moving = [primitive for primitive in self.primitives if primitive.axis != BETWEEN]
         axes = {primitive.axis for primitive in moving}
         given = all(primitive.threshold_m_s and primitive.until is None for primitive in moving)
-        return len(axes) < len(moving) or not given
+        return len(axes) < len(moving) or not given or STROKES in axes

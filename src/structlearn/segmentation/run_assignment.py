@@ -76,10 +76,7 @@ class Pattern:
         return cls(
             np.array([[choices.duration[g] for choices, g in row] for row in picked]),
             np.array([[choices.path_length[g] for choices, g in row] for row in picked]),
-            [
-                np.array([own.path[own.last[g]] - own.path[own.first[g]] for own, g in column])
-                for column in zip(*picked, strict=True)
-            ],
+            [np.array([own.displacement[g] for own, g in column]) for column in zip(*picked, strict=True)],
             np.array([choices.turns for choices, _ in picked[0]]),
         )
 
@@ -188,8 +185,10 @@ def mismatch(choices: Candidates, pattern: Pattern, place: int) -> np.ndarray:
     Combines the log ratios of duration and path length, and the distance of the displacements.
     """
     path_length = pattern.path_length[:, place, None]
-    displacement = choices.path[choices.last] - choices.path[choices.first]
-    apart = np.linalg.norm(displacement[None] - pattern.displacement[place][:, None], axis=2)
+    displacement, other = choices.displacement[None], pattern.displacement[place][:, None]
+    apart = np.linalg.norm(displacement - other, axis=2)
+    if choices.strokes:  # they may start with the one to or the one fro
+        apart = np.minimum(apart, np.linalg.norm(displacement + other, axis=2))
     longer = np.abs(np.log(choices.duration[None] / pattern.duration[:, place, None]))
     farther = np.abs(np.log(choices.path_length[None] / path_length))
     return HASTE * longer + farther + 2.0 * apart / (choices.path_length[None] + path_length)

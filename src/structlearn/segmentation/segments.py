@@ -8,8 +8,8 @@ additional correspondences (`wls`). Tasks on recorded data replace all crossings
 (`crossings`).
 """
 
-from collections.abc import Sequence
-from dataclasses import dataclass
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, field
 from functools import cached_property, partial
 from pathlib import Path
 
@@ -24,8 +24,9 @@ from structlearn.readers.demonstration import Demonstration
 from structlearn.segmentation import alignment
 from structlearn.segmentation.alignment import METHODS, RESULT, WARNING_COLUMNS, Movement, Refined
 from structlearn.segmentation.crossings import Crossings, find_crossings
-from structlearn.segmentation.motion_runs import path
-from structlearn.segmentation.parameters import BETWEEN, SegmentParameters
+from structlearn.segmentation.motion_runs import Strokes, path
+from structlearn.segmentation.parameters import BETWEEN, STROKES, SegmentParameters
+from structlearn.segmentation.strokes import knots, longest_axis, require_one_period, working_share
 
 
 @dataclass(frozen=True)
@@ -39,6 +40,8 @@ class Segmentation:
     left_out: pd.DataFrame  # demonstrations that could not be cut
     warnings: pd.DataFrame  # of poor cuts (`alignment.cut_warnings`)
     reference: str  # name of the reference demonstration
+    # knots of all strokes (`strokes.knots`), for primitives whose number of strokes varies
+    strokes: pd.DataFrame = field(default_factory=lambda: pd.DataFrame(columns=STROKE_COLUMNS))
     cells: int = 0  # total size of the warping tables; not kept on disk
 
     @property
@@ -48,8 +51,15 @@ class Segmentation:
 
     @property
     def results(self) -> dict[str, pd.DataFrame]:
-        """The final cuts of every primitive, in order of time, to learn primitives from."""
-        return {name: self.result(name) for name in self.primitives}
+        """The final cuts of every primitive, in order of time, to learn primitives from.
+
+        Those of a primitive of strokes have a column `knots`, each (K, 2) s and cycles.
+        """
+        results = {name: self.result(name) for name in self.primitives}
+        for name, rows in self.strokes.groupby("primitive"):
+            pairs = {run: own[["time_s", "cycle"]].to_numpy() for run, own in rows.groupby("demonstration")}
+            results[str(name)] = results[str(name)].assign(knots=pd.Series(pairs))
+        return results
 
     def result(self, primitive: str, method: str = RESULT) -> pd.DataFrame:
         """Cuts of one primitive by one method (the reference's are its crossing); index: demonstration."""
@@ -65,15 +75,18 @@ class Segmentation:
 def write_segmentation(segmentation: Segmentation, folder: str | Path) -> None:
     """Publish a segmentation as a folder of Parquet tables, one per attribute."""
     tables = vars(segmentation) | {"reference": pd.DataFrame({"reference": [segmentation.reference]})}
+    names = [name for name in TABLE_COLUMNS if name != "strokes" or len(segmentation.strokes)]
     with publish(folder) as path:
         path.mkdir()
-        for name in TABLE_COLUMNS:
+        for name in names:
             write_table(tables[name], path / f"{name}.parquet")
 
 
 def read_segmentation(folder: str | Path) -> Segmentation:
     """Read a segmentation. Raises InputError: a table is missing, unreadable or has other columns."""
     paths = {name: Path(folder, f"{name}.parquet") for name in TABLE_COLUMNS}
+    if not paths["strokes"].exists():  # no primitive of strokes
+        del paths["strokes"]
     tables = {name: read_table(path, TABLE_COLUMNS[name]) for name, path in paths.items()}
     reference = tables.pop("reference")["reference"]
     if len(reference) != 1:
@@ -82,6 +95,7 @@ def read_segmentation(folder: str | Path) -> Segmentation:
 
 
 PAIR_COLUMNS = ["demonstration", "primitive", "reference_s", "guess_s", "weight"]
+STROKE_COLUMNS = ["demonstration", "primitive", "time_s", "cycle"]
 
 TABLE_COLUMNS = {
     "cuts": ("demonstration", "primitive", "method", "start_s", "end_s"),
@@ -89,6 +103,7 @@ TABLE_COLUMNS = {
     "left_out": ("demonstration", "reason"),
     "warnings": tuple(WARNING_COLUMNS),
     "reference": ("reference",),
+    "strokes": tuple(STROKE_COLUMNS),
 }
 """Columns of the tables, by file."""
 
@@ -117,7 +132,8 @@ def cut(demonstrations: Sequence[Demonstration], parameters: SegmentParameters) 
         "cuts",
     )
     cuts, pairs, warnings, left_out, cells = [], [], [], {}, 0
-    for demonstration, found in zip(demonstrations, aligned, strict=True):
+    strokes: dict[str, dict[str, tuple[Demonstration, Strokes]]] = {}
+    for demonstration, found, own in zip(demonstrations, aligned, crossings, strict=True):
         if isinstance(found, InputError):
             if demonstration is reference or not parameters.skip_failures:
                 raise found
@@ -127,6 +143,11 @@ def cut(demonstrations: Sequence[Demonstration], parameters: SegmentParameters) 
             pairs += found.pairs
             warnings += found.warnings
             cells += found.cells
+            assert not isinstance(own, InputError)
+            for name, crossing in own.items():
+                if crossing.strokes is not None:
+                    run = demonstration, crossing.strokes
+                    strokes.setdefault(name, {})[demonstration.name] = run
     if parameters.assigns_runs and 2 * len(left_out) > len(demonstrations):  # then the choice itself is wrong
         raise InputError(
             f"{len(left_out)} of {len(demonstrations)} demonstrations cannot be cut into the primitives that "
@@ -138,6 +159,14 @@ def cut(demonstrations: Sequence[Demonstration], parameters: SegmentParameters) 
         left_out=pd.DataFrame(left_out.items(), columns=TABLE_COLUMNS["left_out"]),
         warnings=pd.DataFrame(warnings, columns=WARNING_COLUMNS).astype({"number": float}),
         reference=reference.name,
+        strokes=pd.DataFrame(
+            [
+                row
+                for name, runs in strokes.items()
+                for row in _stroke_rows(name, runs, reference.name, parameters)
+            ],
+            columns=STROKE_COLUMNS,
+        ),
         cells=cells,
     )
 
@@ -163,6 +192,9 @@ def _aligned(
     own, refined = demonstration.name == reference, {}
     try:
         for name, movement in _movements(demonstration, crossings, parameters).items():
+            one, other = (each.crossing.strokes for each in (pattern[name], movement))
+            if one is not None and other is not None:
+                require_one_period(demonstration.name, other, reference, one, demonstration.dt)
             try:
                 refined[name] = alignment.refine_cuts(pattern[name], movement, parameters)
             except ValueError as error:
@@ -191,8 +223,15 @@ def _movements(
         for axis in dict.fromkeys(axes.values())
     }
     velocity = {axis: signals.derivative(values, dt) for axis, values in smooth.items()}
-    for name, crossing in crossings.items():
-        movements[name] = Movement(dt, smooth[axes[name]], velocity[axes[name]], crossing)
+    strokes = {name for name, axis in axes.items() if axis == STROKES}
+    for name, before, after in zip(crossings, [None, *crossings], [*list(crossings)[1:], None], strict=False):
+        crossing, moved, speed = crossings[name], smooth[axes[name]], velocity[axes[name]]
+        if name not in strokes and strokes & {before, after}:
+            # From where or whither it leads depends on the number of strokes, how far it has come does not
+            fixed = moved[crossing.end if before in strokes else crossing.start]
+            moved = np.linalg.norm(moved - fixed, axis=1)[:, None]
+            speed = signals.derivative(moved, dt)
+        movements[name] = Movement(dt, moved, speed, crossing)
     return movements
 
 
@@ -218,6 +257,21 @@ def _cut_rows(
                 )
             rows.append((demonstration.name, primitive.name, method, start_s, end_s))
     return pd.DataFrame(rows, columns=TABLE_COLUMNS["cuts"])
+
+
+def _stroke_rows(
+    primitive: str,
+    runs: Mapping[str, tuple[Demonstration, Strokes]],
+    reference: str,
+    parameters: SegmentParameters,
+) -> Iterator[tuple[str, str, float, float]]:
+    """Rows of `Segmentation.strokes`; phases are those of the reference."""
+    working = working_share([strokes for _, strokes in runs.values()])
+    axis = longest_axis(runs[reference][0].position, runs[reference][1])
+    for name, (run, strokes) in runs.items():
+        smooth = signals.low_pass(run.position, run.dt, parameters.align_cutoff_hz)
+        for sample, cycle in knots(smooth, strokes, axis, working).tolist():
+            yield name, primitive, run.dt * sample, cycle
 
 
 def _pair_rows(demonstration: str, primitive: str, aligned: Refined) -> pd.DataFrame:

@@ -17,6 +17,7 @@ from structlearn.core.errors import InputError
 from structlearn.core.parallel import parallel_map
 from structlearn.primitives.fitting import (
     FitParameters,
+    Strokes,
     learn_primitive,
     orientations,
     primitive_errors,
@@ -145,6 +146,10 @@ def reproduction(
             table = reproduction_errors(primitive, segments)
             as_published.append(table.assign(**keys, left_out=False, scaled=False))
         paths = [in_local_frame(position, primitive.position.frame).position for position, _ in segments]
+        if primitive.rhythm is not None:  # as many cycles as all have
+            cycles = [segment.rhythm.cycles for segment in segments if isinstance(segment, Strokes)]
+            shares = min(cycles) / np.array(cycles)
+            paths = [path[: round(share * len(path))] for path, share in zip(paths, shares, strict=True)]
         curves = np.array([signals.time_normalised(path, SAMPLES) for path in paths])
         off_mm = 1e3 * np.linalg.norm(curves - curves.mean(axis=0), axis=2).mean(axis=1)
         spread |= {(name, run): mm for run, mm in zip(names, off_mm, strict=True)}

@@ -14,6 +14,7 @@ from structlearn.core import signals
 from structlearn.primitives.fitting import (
     REPRODUCTION_ERRORS,
     Segment,
+    Strokes,
     orientations,
     segment_paths,
     sequence_segments,
@@ -87,7 +88,17 @@ def primitives_section(files: TaskFiles) -> Section:
         "learned": min(map(len, cuts.values())),
         "of": len(runs) + len(files.left_out()),
         "validated": len(left_out) > 0,
-        "in_base": [one.name for one in primitives if one.position.frame == "world"],
+        "in_base": [one.name for one in primitives if one.position.frame == "world" and one.rhythm is None],
+        "rhythmic": [
+            {
+                "name": one.name,
+                "period_s": one.duration / one.rhythm.cycles,
+                "cycles": one.rhythm.cycles,
+                "shown": sorted(own.rhythm.cycles for own in segments[one.name] if isinstance(own, Strokes)),
+            }
+            for one in primitives
+            if one.rhythm is not None
+        ],
         "spread": reproduction.groupby("primitive", sort=False)["from_mean_mm"].mean().to_dict(),
         "drawn": set(pictures),
         "main": ""
@@ -163,7 +174,23 @@ def sequence_in_space(runs: list[Demonstration], nominal: pd.DataFrame) -> list[
 
 @styled
 def fit_figure(primitive: PosePrimitive, place: int, segments: list[Segment], dt: float) -> Figure:
-    """Segments of all demonstrations relative to their goal, with the unrolled primitive."""
+    """Segments of all demonstrations relative to their goal, with the unrolled primitive.
+
+    Those of a rhythmic primitive are drawn over the cycle, relative to the middle of their strokes.
+    """
+    if primitive.rhythm is not None:
+        strokes = [segment for segment in drawn(segments) if isinstance(segment, Strokes)]
+        paths = [path.position for path, _ in strokes] + [primitive.position.unroll(dt).position]
+        *shown, unrolled = (
+            1e3 * thinned(path - 0.5 * (path.min(axis=0) + path.max(axis=0))) for path in paths
+        )
+        spans = [
+            (own.first, own.first + own.cycles)
+            for own in (*(one.rhythm for one in strokes), primitive.rhythm)
+        ]
+        return reproduction_panel(
+            primitive.name, place, shown, unrolled, [f"{axis} (mm)" for axis in AXES], spans
+        )
     shown = [1e3 * thinned(path.position - path.position[-1]) for path, _ in drawn(segments)]
     unrolled = 1e3 * thinned(primitive.position.unroll(dt).position - primitive.position.goal)
     return reproduction_panel(
