@@ -378,7 +378,7 @@ def test_inspection_leaves_out_what_the_import_would_refuse(pose_set):
     edited(FIRST, lambda rows: rows.drop(range(20, 28)))(pose_set)
     report = find_out(str(pose_set))
     assert report.proposal.entry["segment"]["skip_failures"] is True
-    assert "# leaves out episode 0" in "\n".join(as_yaml(report.proposal))
+    assert "# left out: episode 0: " in "\n".join(as_yaml(report.proposal))
     lines = "\n".join(report_lines(report))
     assert "episode 0: left out: " in lines
     assert "frame 19 is followed by 28" in lines

@@ -346,7 +346,7 @@ def test_without_the_extra_it_is_said_how_to_get_it(tmp_path, monkeypatch, name)
     for module in ("rosbags", "rosbags.highlevel", "rosbags.rosbag1"):
         monkeypatch.setitem(sys.modules, module, None)
     (tmp_path / name).touch()
-    with pytest.raises(InputError, match=rf"{name}: .* `rosbags`, .*: `pip install structlearn"):
+    with pytest.raises(InputError, match=rf"{name}: .* `rosbags`, .*: `pip install 'structlearn"):
         read_recordings(tmp_path, TOPICS)
 
 
