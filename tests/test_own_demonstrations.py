@@ -156,7 +156,7 @@ def test_parts_that_an_entry_does_not_name_are_null(root, folder):
     pour = yaml.safe_load(readme(root, "yaml"))  # as every entry of the documentation is one
     own_tasks(folder, pour=merged(pour["pour"], yaml.safe_load(readme(root, "yaml", 3))))
     assert read_task("pour").feedback.settings == ("5", "tilt_left")
-    ENTRIES.write_text(readme(root, "yaml", 2))
+    ENTRIES.write_text(readme(root, "yaml", 4))
     assert [read_task(name).kind for name in ("arm", "skin", "table")] == ["motion", "touch", "obstacles"]
 
 
