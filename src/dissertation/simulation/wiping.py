@@ -15,7 +15,6 @@ from dissertation.simulation.pick_and_place import (
     BRISK,
     DOWN,
     GRID_HZ,
-    HOME,
     OPEN_M,
     PAUSE_S,
     REST_S,
@@ -31,7 +30,8 @@ from structlearn.core.signals import minimum_jerk
 from structlearn.core.stage import run
 
 NAMES = ("reach", "wipe", "retreat")
-EDGE = np.array([0.58, -0.12, 0.14])  # m, where the first stroke starts
+HOME = np.array([0.36, 0.00, 0.36])  # m
+EDGE = np.array([0.52, -0.11, 0.14])  # m, where the first stroke starts
 STROKE = np.array([0.02, 0.22, 0.0])  # m
 BOW = np.array([0.015, 0.0, 0.0])  # m, of the middle of a stroke towards the edge, on the way to and fro
 TURN_DEG = 10.0  # of the tool about the vertical along a stroke

@@ -4,9 +4,9 @@
     w_i(c) = w_i + starting(c) w'_i + stopping(c) w''_i
 
 over c, the cycles since the cycle's phase was 0. A hand that begins and ends at rest moves otherwise in its
-first and last half cycle than between: w' and w'' are learned from these, w from all. At a phase where no
-demonstration began or ended, they are such that the hand rests where the cycle passes. The transformation
-system is that of discrete primitives with the period as time constant, linear in the forcing term, so its
+first and last half cycle than between: w' and w'' are learned from these, w from all. At rest itself they are
+not learned but such that the hand rests where the cycle passes, at any phase, so that starting and stopping
+do not shift the baseline. The transformation system is that of discrete primitives with the period as time constant, linear in the forcing term, so its
 exact step serves. What is driven is the distance from a baseline that goes from the start of the movement to
 its goal; forcing terms vanish at both ends, where the hand rests on the baseline.
 """
@@ -24,6 +24,7 @@ from structlearn.primitives.transformation import ALPHA, BETA
 
 PARTS = 3  # weights per kernel: of the cycle, of starting, and of stopping
 TRANSIENT = 0.5  # cycles that starting and stopping take
+RESTING = 0.1  # cycles in which they fade, since at rest the hand is where the cycle passes
 FINE = 16  # samples per kernel of a path that repeats
 RIDGE = (1e-8, 1e-4)
 """Ridge on the weights of the cycle and of its transients, relative to the mean diagonal of the normal
@@ -55,12 +56,11 @@ def _kernels(elapsed: np.ndarray, rhythm: Rhythm, count: int) -> np.ndarray:
     """(T, 3 N) features of the cycle, and those of starting and of stopping."""
     elapsed = np.minimum(elapsed, rhythm.cycles)
     psi = _activations(rhythm.first + elapsed, count)
-    starting, stopping = (
-        1.0 - signals.minimum_jerk(np.minimum(cycles / TRANSIENT, 1.0))[:, None]
-        for cycles in (elapsed, rhythm.cycles - elapsed)
-    )
+    away = np.stack([elapsed, rhythm.cycles - elapsed])[:, :, None]  # from the start, and from the end
+    starting, stopping = 1.0 - signals.minimum_jerk(np.minimum(away / TRANSIENT, 1.0))
+    moving = signals.minimum_jerk(np.minimum(away / RESTING, 1.0))
     cycle = psi + (starting + stopping) * (psi @ _to_rest(count))
-    return np.hstack([cycle, psi * starting, psi * stopping])
+    return np.hstack([cycle, psi * starting * moving[0], psi * stopping * moving[1]])
 
 
 def _activations(cycles: np.ndarray, count: int) -> np.ndarray:
@@ -74,8 +74,8 @@ def _activations(cycles: np.ndarray, count: int) -> np.ndarray:
 def _to_rest(count: int) -> np.ndarray:
     """(N, N) changes of the weights with which the hand rests where the cycle passes.
 
-    So it does if nothing else was learned about starting or stopping at a phase. A forcing term that repeats
-    drives a path that repeats, by the transfer function of the transformation system.
+    A forcing term that repeats drives a path that repeats, by the transfer function of the transformation
+    system.
     """
     fine = FINE * count
     spectrum = np.fft.rfft(_activations(np.arange(fine) / fine, count), axis=0)
@@ -161,7 +161,8 @@ def amplitude(weights: np.ndarray, rows: np.ndarray, target: np.ndarray) -> floa
     return float(np.sum(forcing * target) / max(np.sum(forcing**2), np.finfo(float).tiny))
 
 
-def amplitudes(velocities: Sequence[np.ndarray], periods: Sequence[float]) -> np.ndarray:
-    """Amplitudes (L,) of demonstrations with velocities (T_l, D), by RMS path per cycle; their mean is 1."""
-    sizes = [period * np.sqrt(np.mean(xd**2)) for xd, period in zip(velocities, periods, strict=True)]
-    return np.array(sizes) / max(float(np.mean(sizes)), np.finfo(float).tiny)
+def amplitudes(paths: Sequence[np.ndarray]) -> np.ndarray:
+    """Amplitudes (L,) of demonstrations (T_l, D) by their extent on the longest axis; their mean is 1."""
+    extents = np.array([np.ptp(path, axis=0) for path in paths])
+    sizes = extents[:, np.argmax(extents.mean(axis=0))]
+    return sizes / max(float(sizes.mean()), np.finfo(float).tiny)

@@ -194,8 +194,7 @@ def fit_rhythmic(
     Cycles of a demonstration take equally long, and its amplitude is that of its path.
     """
     rows, targets = zip(*map(rhythmic_target, demonstrations, rhythms, repeat(kernel_count)), strict=True)
-    periods = [path.duration / rhythm.cycles for path, rhythm in zip(demonstrations, rhythms, strict=True)]
-    amplitudes = rhythmic.amplitudes([path.velocity for path in demonstrations], periods)
+    amplitudes = rhythmic.amplitudes([path.position for path in demonstrations])
     weights = rhythmic.fitted(rows, targets, amplitudes)
     ends = Boundaries.of(demonstrations)
     typical, start, goal = rhythmic.mean_ends(weights, amplitudes, rhythms, ends.start, ends.goal)
