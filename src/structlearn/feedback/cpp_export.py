@@ -118,6 +118,8 @@ def _known_networks(skill: ReactiveSkill) -> dict[tuple[str, str], PhaseModulate
             if field.name not in KNOWN and np.any(getattr(part, field.name)):
                 raise InputError(f"{name} has {field.name}, {but}")
     for one in skill.primitives:
+        if one.rhythm is not None:
+            raise InputError(f"'{one.name}' is rhythmic, {but}")
         for motion in (one.position, one.orientation):
             if not isinstance(motion, PositionPrimitive | QuaternionPrimitive | None):
                 raise InputError(f"'{one.name}' has a {type(motion).__name__}, {but}")
