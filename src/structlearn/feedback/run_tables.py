@@ -64,7 +64,10 @@ def plan_in_time(
     for index, (primitive, tau, count) in enumerate(zip(skill.primitives, taus, counts, strict=True)):
         part = slice(rows[index], rows[index + 1])
         if isinstance(primitive.orientation, QuaternionPrimitive):
-            turn, ends = primitive.orientation, [begins[place].orientation for place in (index, index + 1)]
+            turn, ends = (
+                primitive.orientation,
+                [np.asarray(begins[place].orientation) for place in (index, index + 1)],
+            )
             turning[part] = turn.features(count, dt / tau) @ turn.weights_towards(*ends)
         if primitive.name in skill.expected:
             traces, until = skill.expected[primitive.name], dt * (count - 1)

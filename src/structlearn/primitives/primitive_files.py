@@ -153,7 +153,9 @@ def _checked(size: int, shapes: Mapping[str, tuple[int, ...]], tensors: Tensors)
         raise InputError(f"weights have shape {weights.shape}, not (N, {size}) with N of 2 or more")
     if duration.shape != () or not duration > 0.0:
         raise InputError(f"the duration is {duration}, not a positive number of s")
-    fields = {name: tensors[name] for name in ("weights", *shapes)} | {"duration": float(duration)}
+    fields: dict[str, Any] = {name: tensors[name] for name in ("weights", *shapes)} | {
+        "duration": float(duration)
+    }
     if "rhythm" in tensors:
         rhythm = tensors["rhythm"]
         if rhythm.shape != (2,) or not 0.0 < rhythm[1] <= MOST_CYCLES or len(weights) % PARTS:

@@ -6,9 +6,9 @@
 over c, the cycles since the cycle's phase was 0. A hand that begins and ends at rest moves otherwise in its
 first and last half cycle than between: w' and w'' are learned from these, w from all. At rest itself they are
 not learned but such that the hand rests where the cycle passes, at any phase, so that starting and stopping
-do not shift the baseline. The transformation system is that of discrete primitives with the period as time constant, linear in the forcing term, so its
-exact step serves. What is driven is the distance from a baseline that goes from the start of the movement to
-its goal; forcing terms vanish at both ends, where the hand rests on the baseline.
+do not shift the baseline. The transformation system is that of discrete primitives with the period as time
+constant, linear in the forcing term, so its exact step serves. What is driven is the distance from a baseline
+from the start of the movement to its goal; forcing terms vanish at both ends, where the hand rests on it.
 """
 
 from collections.abc import Sequence

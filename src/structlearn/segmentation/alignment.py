@@ -136,8 +136,10 @@ def refine_cuts(reference: Movement, own: Movement, parameters: SegmentParameter
         pairs = np.array(
             [[movement.crossing.start, movement.crossing.end] for movement in (reference, own)]
         ).T
-        ends = least_squares(pairs)
-        return Refined(reference, own, pairs, np.ones(2), dict.fromkeys(("ls", AS_PRINTED, RESULT), ends), 0)
+        between = least_squares(pairs)
+        return Refined(
+            reference, own, pairs, np.ones(2), dict.fromkeys(("ls", AS_PRINTED, RESULT), between), 0
+        )
     extension = round(parameters.extension_s / reference.dt)
     g = parameters.downsampling
     # Times count from the start of the demonstrations, so the extension need not be subtracted again.

@@ -28,6 +28,8 @@ from structlearn.segmentation.motion_runs import Strokes, path
 from structlearn.segmentation.parameters import BETWEEN, STROKES, SegmentParameters
 from structlearn.segmentation.strokes import knots, longest_axis, require_one_period, working_share
 
+STROKE_COLUMNS = ["demonstration", "primitive", "time_s", "cycle"]
+
 
 @dataclass(frozen=True)
 class Segmentation:
@@ -95,7 +97,6 @@ def read_segmentation(folder: str | Path) -> Segmentation:
 
 
 PAIR_COLUMNS = ["demonstration", "primitive", "reference_s", "guess_s", "weight"]
-STROKE_COLUMNS = ["demonstration", "primitive", "time_s", "cycle"]
 
 TABLE_COLUMNS = {
     "cuts": ("demonstration", "primitive", "method", "start_s", "end_s"),

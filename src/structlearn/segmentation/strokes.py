@@ -54,12 +54,12 @@ def stroke_candidates(moved: AxisMotion, search: CandidateSearch, runs: Candidat
                     if limits not in found or part.number > found[limits].number:
                         found[limits] = part
     chosen = [found[limits] for limits in sorted(found)]
-    first, last = np.array(sorted(found), dtype=int).reshape(-1, 2).T
+    begins, ends = np.array(sorted(found), dtype=int).reshape(-1, 2).T
     numbers = np.array([strokes.number for strokes in chosen])
-    lengths = (runs.travelled[last] - runs.travelled[first]) / numbers
+    lengths = (runs.travelled[ends] - runs.travelled[begins]) / numbers
     return Candidates(
-        first,
-        last,
+        begins,
+        ends,
         np.zeros(len(chosen)),
         search.dt * np.array([strokes.samples for strokes in chosen]),
         np.maximum(lengths, search.dt * search.thresholds[0]),
