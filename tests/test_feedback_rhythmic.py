@@ -9,6 +9,7 @@ from test_segmentation_strokes import SEGMENT, wiped
 
 from structlearn.core.artefacts import read_description, read_tensors, write_tensors
 from structlearn.core.errors import InputError
+from structlearn.feedback.cpp_export import header
 from structlearn.feedback.runtime import Controller
 from structlearn.feedback.skill import ReactiveSkill, demonstrated_workspace
 from structlearn.feedback.skill_file import read_skill, write_skill
@@ -108,3 +109,8 @@ def test_a_damaged_rhythm_is_refused(skill, tmp_path, rhythm):
     write_tensors(tensors, path, read_description(path))
     with pytest.raises(InputError, match="rhythm"):
         read_skill(path)
+
+
+def test_the_header_for_cpp_does_not_know_strokes(skill):
+    with pytest.raises(InputError, match="'wipe' is rhythmic, which the C\\+\\+ header does not know"):
+        header(skill, "skill_wipe", "of a test")
