@@ -4,7 +4,8 @@
 
 For each kind and seed, bags are written, an entry is proposed, the recordings are imported and cut with it
 as by the stages of a task, and the cuts are compared with the moves that were made. A proposal is right if it
-has as many primitives as moves, in their order, and those that only turn have `axis: rot` or lie `between`.
+has as many primitives as moves, in their order, and those that only turn have `axis: rot` or lie `between`;
+strokes whose number varies are one primitive with `axis: strokes`.
 
 A hand makes minimum-jerk moves of uneven pace, with rests between; starts, goals, paths, durations and rests
 differ between demonstrations. It sways by 0.3 mm, and motion capture adds noise of its own.
@@ -244,6 +245,10 @@ KINDS = {
 }
 
 
+LETTERS = {"xyz": "T", "rot": "R", "strokes": "S"}
+STROKES = ["xyz", "strokes", "xyz"]  # primitives of a kind whose number of strokes varies
+
+
 def write_recordings(name: str, seed: int, folder: Path) -> list[Take]:
     """Write the recordings of a kind; return what was made, one take per recording."""
     kind, rng = KINDS[name], np.random.default_rng([seed, list(KINDS).index(name)])
@@ -296,10 +301,11 @@ def outcome(name: str, seed: int, folder: Path) -> Outcome:
     task = read_task(found.proposal.name, entry)
     assert isinstance(task, MovementEntry)
     assert task.segment is not None
-    axes = ["rot" if one.axis in ("rot", "between") else "xyz" for one in task.segment.primitives]
-    words = f"{len(axes)} {' '.join('R' if axis == 'rot' else 'T' for axis in axes)}"
+    axes = ["rot" if one.axis == "between" else one.axis for one in task.segment.primitives]
+    words = f"{len(axes)} {' '.join(LETTERS[axis] for axis in axes)}"
     words += f" x {task.repeats}" if task.repeats != 1 else ""
-    right = axes == ["rot" if move.turns else "xyz" for move in kind.moves]
+    wanted = ["rot" if move.turns else "xyz" for move in kind.moves]
+    right = axes == (STROKES if kind.others else wanted)
     right &= (task.repeats == "auto") == (kind.repeats > 1)
     try:
         (folder / "recorded").mkdir()
@@ -326,7 +332,11 @@ def _true(made: Sequence[Take], run: Demonstration, kind: RecordingKind, recorde
     names = [one.name for one in made]
     if kind.repeats == 1:
         of = [place for place, name in enumerate(names) if run.name.endswith(name)]
-        return made[of[0]].segments if of else np.zeros((0, 2))
+        if not of:
+            return np.zeros((0, 2))
+        first, *strokes, last = made[of[0]].segments
+        varying = [first, (strokes[0][0], strokes[-1][1]), last]
+        return np.array(varying) if kind.others else made[of[0]].segments
     if not (recorded / "repeats.parquet").exists():  # nobody proposed to split the session
         return np.zeros((0, 2))
     rows = pd.read_parquet(recorded / "repeats.parquet").set_index("demonstration").loc[run.name]

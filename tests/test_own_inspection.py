@@ -408,6 +408,7 @@ def test_a_name_for_the_task_is_one_for_folders_and_the_home_folder_is_not_writt
     [
         ("pour in place", ["xyz", "rot", "rot", "xyz"], 1),
         ("wipe, no pauses", ["xyz"] * 6, 1),
+        ("wipe, 3 to 5 strokes", ["xyz", "strokes", "xyz"], 1),
         ("session of 5", ["xyz"] * 3, "auto"),
     ],
 )

@@ -225,6 +225,9 @@ def _move_warnings(motion: MotionSurvey | None, moves: TaskMoves) -> Iterator[st
         yield f"{motion.number} runs of motion; with {moves.more} more moves, without pauses, all can be cut"
     if moves.flagged:
         yield f"{moves.flagged} of {moves.tried} demonstrations tried cannot be cut so without a warning"
+    if isinstance(moves.primitives, list) and any(move["axis"] == "strokes" for move in moves.primitives):
+        yield "`axis: strokes`: the hand goes to and fro, not as often in every demonstration"
+        return
     if moves.repeats:
         return
     others = [f"{name} ({len(motion.counted(name))})" for name in motion.runs if name not in motion.agreeing]

@@ -2,7 +2,7 @@
 
 The survey of motion counts runs of translation. Here, turns between them become primitives of their own, a
 sequence that recurs becomes repeats, and the cutter itself judges the number: if it warns, more moves are
-tried, since a hand that goes to and fro need not rest.
+tried, since a hand that goes to and fro need not rest, and then strokes of any number.
 """
 
 from collections import Counter
@@ -38,6 +38,7 @@ ALIKE = 0.35  # mean difference of displacements between repeats, relative to th
 
 BACK = -0.5  # cosine of the angle between two strokes below which the hand turns back
 MORE_MOVES = 8  # moves tried beyond the runs of motion
+AROUND_STROKES = ((1, 1), (1, 0), (0, 1), (0, 0), (2, 1), (1, 2), (2, 2))  # moves before and after, as tried
 TRIED = 12  # demonstrations tried, spread evenly
 TRIAL_DT_S = 0.01
 
@@ -66,7 +67,7 @@ def task_moves(paths: Mapping[str, HandPath], motion: MotionSurvey | None) -> Ta
         axes = ["xyz"] * motion.number
         for place, count in reversed(list(enumerate(turns))):
             axes[place:place] = ["rot"] * count
-        named = [{"name": f"move_{place}", "axis": axis} for place, axis in enumerate(axes, start=1)]
+        named = _named(axes)
         return TaskMoves(named, flagged=_flagged(runs, named), tried=len(runs))
     flagged = _flagged(runs, motion.number)
     back = Counter(reversals(paths[name], motion.counted(name)) for name in motion.agreeing)
@@ -74,7 +75,16 @@ def task_moves(paths: Mapping[str, HandPath], motion: MotionSurvey | None) -> Ta
     for more in dict.fromkeys([most or 1, *range(1, MORE_MOVES + 1)]) if flagged else ():
         if not _flagged(runs, motion.number + more):
             return TaskMoves(motion.number + more, more=more, tried=len(runs))
+    for before, after in AROUND_STROKES if flagged else ():
+        axes = [*["xyz"] * before, "strokes", *["xyz"] * after]
+        if not _flagged(runs, named := _named(axes)):
+            return TaskMoves(named, tried=len(runs))
     return TaskMoves(motion.number, flagged=flagged, tried=len(runs))
+
+
+def _named(axes: Sequence[str]) -> list[dict[str, str]]:
+    """Primitives of an entry, by their axes."""
+    return [{"name": f"move_{place}", "axis": axis} for place, axis in enumerate(axes, start=1)]
 
 
 def reversals(path: HandPath, moves: Sequence[MotionRun]) -> int:
