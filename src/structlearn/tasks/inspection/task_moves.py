@@ -39,6 +39,7 @@ ALIKE = 0.35  # mean difference of displacements between repeats, relative to th
 BACK = -0.5  # cosine of the angle between two strokes below which the hand turns back
 MORE_MOVES = 8  # moves tried beyond the runs of motion
 AROUND_STROKES = ((1, 1), (1, 0), (0, 1), (0, 0), (2, 1), (1, 2), (2, 2))  # moves before and after, as tried
+VARYING_CYCLES = 0.4  # difference between demonstrations: a stroke is half a cycle
 TRIED = 12  # demonstrations tried, spread evenly
 TRIAL_DT_S = 0.01
 
@@ -77,7 +78,7 @@ def task_moves(paths: Mapping[str, HandPath], motion: MotionSurvey | None) -> Ta
             return TaskMoves(motion.number + more, more=more, tried=len(runs))
     for before, after in AROUND_STROKES if flagged else ():
         axes = [*["xyz"] * before, "strokes", *["xyz"] * after]
-        if not _flagged(runs, named := _named(axes)):
+        if _strokes_vary(runs, named := _named(axes)):
             return TaskMoves(named, tried=len(runs))
     return TaskMoves(motion.number, flagged=flagged, tried=len(runs))
 
@@ -172,6 +173,16 @@ def _flagged(runs: Sequence[Demonstration], primitives: int | list[dict[str, str
     except InputError:
         return len(runs)
     return len(set(cuts.warnings["demonstration"]) | set(cuts.left_out["demonstration"]))
+
+
+def _strokes_vary(runs: Sequence[Demonstration], primitives: list[dict[str, str]]) -> bool:
+    """Whether all demonstrations can be cut without a warning, and differ in their number of strokes."""
+    try:
+        cuts = cut(runs, _cutting(primitives))
+    except InputError:
+        return False
+    cycles = cuts.strokes.groupby("demonstration")["cycle"].agg(np.ptp)
+    return not len(cuts.warnings) and len(cycles) == len(runs) and float(np.ptp(cycles)) > VARYING_CYCLES
 
 
 def _cutting(primitives: int | list[dict[str, str]]) -> TaskSegmentParameters:
