@@ -174,7 +174,7 @@ FILES = {
     "chunks.mcap": (_chunks, _read_tool, "it unpacks to more than"),
     "packed.mcap.zstd": (_packed, _read_tool, "it unpacks to more than"),
     "bombed.bag": (_bombed, _read_tool, "a chunk of more than"),
-    "endless.mcap": (_endless, _read_tool, "damaged message"),
+    "endless.mcap": (_endless, _read_tool, "lacks geometry_msgs/Nothing"),
     "types.mcap": (_types, _read_tool, "messages of several types"),
     "links.urdf": (_links, read_urdf, "has 30000 joints, more than"),
     "rows.parquet": (_rows, _read_table, "has 50000000 rows of 4 columns"),

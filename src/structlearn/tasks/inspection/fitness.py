@@ -16,6 +16,8 @@ from structlearn.tasks.inspection.hand_motion import HandCandidate, MotionSurvey
 from structlearn.tasks.inspection.judgement import reasons
 from structlearn.tasks.inspection.source_survey import SourceSeen
 
+HAND = "Is there a pose of the hand?"
+
 Verdict = Literal["yes", "doubtful", "no"]
 
 # Bounds: yes from (or up to) the first, doubtful from (or up to) the second.
@@ -106,7 +108,7 @@ def _no_hand(seen: SourceSeen) -> Answer:
         advice = f"there are joints in {topic} ({', '.join(joints.names)}): name their robot: --urdf FILE"
     if unusable := [reason for file in seen.files for reason in file.faults()]:
         advice = reasons(unusable)
-    return Answer("Is there a pose of the hand?", "no", "no poses or moving frames that can be read", advice)
+    return Answer(HAND, "no", "no poses or moving frames that can be read", advice)
 
 
 def _of_hand(seen: SourceSeen, hand: HandCandidate) -> Iterator[Answer]:

@@ -14,7 +14,7 @@ from structlearn.core.artefacts import publish
 from structlearn.core.errors import printable
 from structlearn.readers.messages import FIELDS
 from structlearn.tasks.inspection.clocks import TopicClocks, stamp_statistics
-from structlearn.tasks.inspection.fitness import Answer, fitness
+from structlearn.tasks.inspection.fitness import HAND, Answer, fitness
 from structlearn.tasks.inspection.hand_motion import (
     BRIDGE_S,
     HandCandidate,
@@ -54,7 +54,7 @@ class SourceReport(NamedTuple):
         if self.sources:
             return f"the import refuses every recording: {reasons(self.refused.values())}"
         damaged = [f"{file}: {reason}" for file, reason in self.refused.items()]
-        advice = [answer.advice for answer in self.answers if answer.verdict == "no" and answer.advice]
+        advice = [answer.advice for answer in self.answers if answer.question == HAND and answer.advice]
         why = reasons([*damaged, *advice])
         return "no stream could be the pose of a hand" + (f": {why}" if why else "")
 
