@@ -222,7 +222,7 @@ def quaternion_fit_from_orientations() -> Case:
     path = orientation_demonstration(1.0)
 
     def run() -> QuaternionPrimitive:
-        kernels.sampled_features.cache_clear()
+        kernels.shared_features.clear()
         return fit_quaternion([trajectory.differentiated_orientation(path.orientation, DT, CUTOFF_HZ)])
 
     return Case(
