@@ -64,11 +64,9 @@ def plan_in_time(
     for index, (primitive, tau, count) in enumerate(zip(skill.primitives, taus, counts, strict=True)):
         part = slice(rows[index], rows[index + 1])
         if isinstance(primitive.orientation, QuaternionPrimitive):
-            turn, ends = (
-                primitive.orientation,
-                [np.asarray(begins[place].orientation) for place in (index, index + 1)],
-            )
-            turning[part] = turn.features(count, dt / tau) @ turn.weights_towards(*ends)
+            turn = primitive.orientation
+            start, goal = (np.asarray(end.orientation) for end in begins[index : index + 2])
+            turning[part] = turn.features(count, dt / tau) @ turn.weights_towards(start, goal)
         if primitive.name in skill.expected:
             traces, until = skill.expected[primitive.name], dt * (count - 1)
             expected[part] = traces.unroll(dt, duration=durations[index], until=until).position

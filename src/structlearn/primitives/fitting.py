@@ -55,7 +55,7 @@ Segment = tuple[Trajectory, OrientationTrajectory | None]
 """Position and, where recorded, orientation of one primitive in one demonstration."""
 
 
-class Strokes(Segment):
+class RhythmicSegment(Segment):
     """Segment of a rhythmic primitive, in even time: each of its cycles takes equally long."""
 
     rhythm: Rhythm
@@ -134,7 +134,7 @@ def sequence_segments(
             if ends[1] - ends[0] < 2:
                 raise InputError(f"{demonstration.name}: a segment has fewer than three samples")
             if "knots" in cut:
-                segments[name].append(Strokes.of(demonstration, cut["knots"], smoothing_hz))
+                segments[name].append(RhythmicSegment.of(demonstration, cut["knots"], smoothing_hz))
                 continue
             segments[name].append(
                 (position.cut(*ends), None if orientation is None else orientation.cut(*ends))
@@ -156,7 +156,7 @@ def orientations(segments: Sequence[Segment]) -> list[OrientationTrajectory]:
 def learn_primitive(name: str, segments: Sequence[Segment], parameters: FitParameters) -> PosePrimitive:
     """Fit one primitive to its segments, one per demonstration; with orientation if it was recorded."""
     positions, turns = zip(*segments, strict=True)
-    rhythms = [segment.rhythm for segment in segments if isinstance(segment, Strokes)]
+    rhythms = [segment.rhythm for segment in segments if isinstance(segment, RhythmicSegment)]
     if rhythms:
         count = parameters.kernel_count
         turning = fit_rhythmic_quaternion(orientations(segments), rhythms, count) if any(turns) else None
@@ -232,7 +232,7 @@ def learn_subsets(
     name: str, segments: Sequence[Segment], parameters: FitParameters
 ) -> SubsetFit[PosePrimitive]:
     """As `learn_primitive`, from some of the segments at a time, by either regression."""
-    if isinstance(segments[0], Strokes):  # has one regression
+    if isinstance(segments[0], RhythmicSegment):  # has one regression
         return lambda used, _: learn_primitive(name, list(compress(segments, used)), parameters)
     positions, turns = zip(*segments, strict=True)
     count = parameters.kernel_count
@@ -261,7 +261,7 @@ def reproduction_errors(primitive: PosePrimitive, segments: Sequence[Segment]) -
 def _errors(primitive: PosePrimitive, segment: Segment) -> dict[str, float]:
     """Row of `reproduction_errors`."""
     position, orientation = segment
-    if isinstance(segment, Strokes):
+    if isinstance(segment, RhythmicSegment):
         primitive = segment.repeated_by(primitive)
     path = primitive.position.unroll(
         position.dt, position.position[0], position.position[-1], position.duration

@@ -30,10 +30,6 @@ RIDGE = (1e-8, 1e-4)
 """Ridge on the weights of the cycle and of its transients, relative to the mean diagonal of the normal
 equations: what the cycle explains is not explained by starting or stopping."""
 
-AMPLITUDE_ROUNDS = (
-    3  # of estimating weights and amplitudes in turn; the change after the second is below 1e-4
-)
-
 
 class Rhythm(NamedTuple):
     """Where in its cycle a movement starts, and how many cycles it makes; a stroke is half of one."""

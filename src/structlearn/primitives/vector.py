@@ -27,9 +27,7 @@ Fitted = TypeVar("Fitted")
 class ForcedPrimitive(ABC, Generic[Unrolled]):
     """Forcing weights and the demonstrations' mean boundary conditions, for a vector or an orientation."""
 
-    weights: (
-        np.ndarray
-    )  # (..., N, D) forcing weights; leading axes make a batch. Rhythmic ones: (..., 3 N, D)
+    weights: np.ndarray  # (..., N, D) of the forcing term, rhythmic (..., 3 N, D); leading axes make a batch
     start: np.ndarray  # (D,) mean start of the demonstrations; orientation (4,)
     goal: np.ndarray  # (D,) mean goal of the demonstrations; orientation (4,)
     velocity: np.ndarray  # (D,) mean initial velocity of the demonstrations, per duration

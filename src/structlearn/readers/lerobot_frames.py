@@ -77,9 +77,7 @@ def read_frames(
     for name, numbers in _files(folder, info, listed, left_out).items():
         frames = read_parquet(folder / name, [*numbered, *features], [TIME])
         if not all(pd.api.types.is_integer_dtype(frames[column]) for column in numbered):
-            raise InputError(
-                f"{folder / name}: {' or '.join(numbered)} has something that is no whole number"
-            )
+            raise InputError(f"{folder / name}: {' or '.join(numbered)} has something that {NOT_WHOLE}")
         if astray := [number for number in sorted(frames[EPISODE].unique()) if number not in numbers]:
             whole = f"the set has {info['total_episodes']} episodes, from 0 on"
             known = whole if isinstance(numbers, range) else f"the set has {_ranges(numbers)} there"

@@ -64,11 +64,10 @@ def check_frames(where: str, stamps: np.ndarray, groups: Sequence[Decoded]) -> s
     for field, first in frames[0].items():
         for group, its in zip(groups, frames, strict=True):
             if its[field] != first:
-                place, change = (
-                    at_row(int(group.rows[0]), stamps),
-                    f"{first or 'none'} to {its[field] or 'none'}",
+                place, now = at_row(int(group.rows[0]), stamps), its[field]
+                raise InputError(
+                    f"{where}: {field} changes from {first or 'none'} to {now or 'none'} at {place}"
                 )
-                raise InputError(f"{where}: {field} changes from {change} at {place}")
     return frames[0].get("frame_id", "")
 
 

@@ -98,15 +98,17 @@ def _middle(path: np.ndarray) -> float:
 
 def _between_dips(speed: np.ndarray, first: int, last: int) -> Iterator[tuple[int, int]]:
     """Parts of a run between its dips, at which the speed falls below `DIP` of the peaks on both sides."""
-    part = speed[first : last + 1]
-    before, after = np.maximum.accumulate(part), np.maximum.accumulate(part[::-1])[::-1]
-    depth = part / np.minimum(before, after)
-    lowest = int(np.argmin(depth))
-    if depth[lowest] >= DIP:
-        yield first, last
-    else:
-        yield from _between_dips(speed, first, first + lowest)
-        yield from _between_dips(speed, first + lowest, last)
+    waiting = [(first, last)]
+    while waiting:
+        first, last = waiting.pop()
+        part = speed[first : last + 1]
+        before, after = np.maximum.accumulate(part), np.maximum.accumulate(part[::-1])[::-1]
+        depth = part / np.minimum(before, after)
+        lowest = first + int(np.argmin(depth))
+        if depth[lowest - first] >= DIP:
+            yield first, last
+        else:
+            waiting += [(lowest, last), (first, lowest)]
 
 
 def _to_and_fro(moved: AxisMotion, threshold: float, bridge: int) -> Iterator[Strokes]:

@@ -17,7 +17,7 @@ from structlearn.core.errors import InputError
 from structlearn.core.parallel import parallel_map
 from structlearn.primitives.fitting import (
     FitParameters,
-    Strokes,
+    RhythmicSegment,
     learn_primitive,
     orientations,
     primitive_errors,
@@ -147,7 +147,7 @@ def reproduction(
             as_published.append(table.assign(**keys, left_out=False, scaled=False))
         paths = [in_local_frame(position, primitive.position.frame).position for position, _ in segments]
         if primitive.rhythm is not None:  # as many cycles as all have
-            cycles = [segment.rhythm.cycles for segment in segments if isinstance(segment, Strokes)]
+            cycles = [segment.rhythm.cycles for segment in segments if isinstance(segment, RhythmicSegment)]
             shares = min(cycles) / np.array(cycles)
             paths = [path[: round(share * len(path))] for path, share in zip(paths, shares, strict=True)]
         curves = np.array([signals.time_normalised(path, SAMPLES) for path in paths])

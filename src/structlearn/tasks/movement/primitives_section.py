@@ -13,8 +13,8 @@ from structlearn import palette
 from structlearn.core import signals
 from structlearn.primitives.fitting import (
     REPRODUCTION_ERRORS,
+    RhythmicSegment,
     Segment,
-    Strokes,
     orientations,
     segment_paths,
     sequence_segments,
@@ -94,7 +94,9 @@ def primitives_section(files: TaskFiles) -> Section:
                 "name": one.name,
                 "period_s": one.duration / one.rhythm.cycles,
                 "cycles": one.rhythm.cycles,
-                "shown": sorted(own.rhythm.cycles for own in segments[one.name] if isinstance(own, Strokes)),
+                "shown": sorted(
+                    own.rhythm.cycles for own in segments[one.name] if isinstance(own, RhythmicSegment)
+                ),
             }
             for one in primitives
             if one.rhythm is not None
@@ -179,7 +181,7 @@ def fit_figure(primitive: PosePrimitive, place: int, segments: list[Segment], dt
     Those of a rhythmic primitive are drawn over the cycle, relative to the middle of their strokes.
     """
     if primitive.rhythm is not None:
-        strokes = [segment for segment in drawn(segments) if isinstance(segment, Strokes)]
+        strokes = [segment for segment in drawn(segments) if isinstance(segment, RhythmicSegment)]
         paths = [path.position for path, _ in strokes] + [primitive.position.unroll(dt).position]
         *shown, unrolled = (
             1e3 * thinned(path - 0.5 * (path.min(axis=0) + path.max(axis=0))) for path in paths
