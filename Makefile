@@ -13,8 +13,8 @@ unexport PYTHONPATH PYTHONHOME
 help:
 	@grep -hE '^[a-z -]+:.*## ' $(MAKEFILE_LIST) | sed -E 's/^([a-z -]+):.*## /\1\t/' | expand -t 18
 
-# The table of findings is also in the README.
-TABLE_OF_README := sed -i -e '/^<!-- findings -->/,/^<!-- end of findings -->/{/^<!--/!d}' -e '/^<!-- findings -->/r reports/findings.md' README.md
+# The tables of findings and of timings are also in the README.
+TABLE_OF_README = sed -i -e '/^<!-- $1 -->/,/^<!-- end of $1 -->/{/^<!--/!d}' -e '/^<!-- $1 -->/r $2' README.md
 
 # The testbeds share no stage, so a first run makes three at a time, the longest first: one or two fill the cores while
 # another waits for DVC or for its slowest training. `dvc repro` does what is left.
@@ -25,7 +25,7 @@ ifeq ($(wildcard data/raw/scraping/nominal),)
 endif
 	$(IN_ENVIRONMENT) dvc repro
 	@$(BIN)/python -m structlearn.core.stage
-	@$(TABLE_OF_README)
+	@$(call TABLE_OF_README,findings,reports/findings.md)
 	@$(BIN)/python -m dissertation.evidence.committed || true
 	@echo "reports/index.html is up to date"
 
@@ -57,7 +57,7 @@ recorded: $(INSTALLED)  ## run the pipeline on recorded data: make recorded DATA
 	cd $(RECORDED)/reports/tasks && tar -c --exclude=rerun . | tar -x -C $(CURDIR)/reports/tasks
 	cd reports/recorded && cp tables/claims.csv metrics.json findings.csv $(CURDIR)/$(QUOTED)
 	$(IN_ENVIRONMENT) dvc repro --single-item report
-	@$(TABLE_OF_README)
+	@$(call TABLE_OF_README,findings,reports/findings.md)
 	@$(BIN)/python -m structlearn.core.stage
 	@echo "reports/recorded/index.html is up to date; 3-D: cd $(RECORDED) && structlearn view reaches"
 
@@ -76,6 +76,7 @@ bench: $(INSTALLED) .venv/installed-bench  ## time inner loops against public li
 	  $(BIN)/python benchmarks/growth.py --output $(BENCH); \
 	  $(BIN)/python benchmarks/workers.py --output $(BENCH)/workers.csv; \
 	  $(BIN)/python benchmarks/share_coverage.py --output $(BENCH)/share_coverage.csv; } | tee $(BENCH)/bench.txt'
+	$(BIN)/python benchmarks/readme_table.py | $(call TABLE_OF_README,timings,/dev/stdin)
 
 # Where a stage and its processes spend their time: a flame graph, e.g. `make profile STAGE=stages/dynamics/online.py`.
 STAGE ?= stages/scraping/segment.py

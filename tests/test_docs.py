@@ -2,12 +2,17 @@
 
 import importlib.util
 import re
+import runpy
 import subprocess
 from pathlib import Path
+from types import SimpleNamespace
 
+import pandas as pd
 import pytest
 import yaml
 from committed import ROOT, read_yaml
+
+from structlearn import __version__
 
 PAGES = [ROOT / "README.md", ROOT / "CONTRIBUTING.md", *sorted((ROOT / "docs").glob("*.md"))]
 MADE = {"docs/dissertation.md", "docs/api/index.md"}
@@ -60,6 +65,23 @@ def test_the_readme_is_short():
     assert len((ROOT / "README.md").read_text().split()) <= 1000
 
 
+def test_the_timings_of_the_readme_are_those_measured_and_no_faster_peer_is_left_out():
+    made = runpy.run_path(str(ROOT / "benchmarks/readme_table.py"))
+    table = pd.read_csv(made["TABLE"])
+    assert (
+        f"<!-- timings -->\n{made['markdown'](table)}<!-- end of timings -->"
+        in (ROOT / "README.md").read_text()
+    )
+    peers = made["fastest_peers"](table)
+    assert set(peers.index[peers["ratio"] < 1.0]) <= set(made["LABELS"])
+    assert made["markdown"](table).count("**") == 2 * (peers.loc[list(made["LABELS"]), "ratio"] < 1.0).sum()
+
+
+def test_one_version_is_named_everywhere():
+    assert read_yaml(ROOT / "CITATION.cff")["version"] == __version__
+    assert f"\n## {__version__}" in (ROOT / "CHANGELOG.md").read_text()
+
+
 def test_the_index_finds_what_is_numbered(hooks):
     citations = hooks.citations()
     found = {(one.kind, one.number) for one in citations}
@@ -76,6 +98,39 @@ def test_the_index_finds_what_is_numbered(hooks):
     for one in citations:  # its place is a line of the source
         line = lines[one.path][one.line - 1]
         assert one.line == 1 or one.name in line or line.startswith("@") or "def" in line or "#" in line
+
+
+def test_the_index_has_every_figure_and_table_and_leads_to_lines(hooks):
+    citations = hooks.citations()
+    index, sources = hooks.dissertation_page(citations), hooks.source_pages(citations)
+    for entry in read_yaml(ROOT / "stages/report.yaml")["index"]:
+        kind, number = entry["what"].split()
+        rows = index.partition(f"## {hooks.KINDS[kind]}\n")[2].partition("\n## ")[0]
+        assert f"\n| {number} | {entry['shows']} | " in rows, entry["what"]
+    links = set(re.findall(r"\]\(([^)#]+)#__codelineno-0-(\d+)\)", index))
+    assert len(links) > 200
+    for page, line in links:  # the block of code begins at the fourth line
+        assert len(sources[page].splitlines()) - 3 > int(line)
+    assert {page for page, _ in links} == set(sources)
+    for page in re.findall(r'href="\.\./(reports/[^"#]+)', index):
+        assert (ROOT / page).exists(), page
+
+
+def test_the_search_needs_no_network_and_knows_no_code(hooks):
+    (script,) = read_yaml(ROOT / "mkdocs.yml")["extra"]["polyfills"]
+    assert "iframe-worker" in script  # what the theme would fetch otherwise
+    assert "IFrameWorker" in (ROOT / "docs" / script).read_text()
+
+    def searched(name):
+        page = SimpleNamespace(meta={}, file=SimpleNamespace(src_uri=name))
+        hooks.on_page_markdown("", page, None, None)
+        return page.meta.get("search", {})
+
+    assert searched("source/structlearn.core.frames.py.md") == {"exclude": True}
+    assert searched("robot.md")["boost"] > 1000.0  # of a heading
+    assert searched("api/core.md") == searched("dissertation.md") == {}
+    shown = '<details class="mkdocstrings-source"><summary>Source'
+    assert "data-search-exclude>" in hooks.on_page_content(shown, None, None, None)
 
 
 def test_make_alone_lists_every_target():
