@@ -135,8 +135,9 @@ else
 	$(BIN)/rerun "$$FOLDER"/*.rrd
 endif
 
-# The documentation as a site that needs no network: open site/index.html.
+# The documentation as a site that needs no network: open site/index.html. Its notebook is run, which takes two minutes.
 docs: $(INSTALLED) .venv/installed-docs  ## build the documentation into site/
+	$(BIN)/python docs/notebook.py
 	NO_MKDOCS_2_WARNING=1 $(BIN)/mkdocs build --quiet --site-dir site
 
 # The page of `dvc plots show` with its scripts inside, so that it needs no network; the file is kept in git.

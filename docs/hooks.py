@@ -194,6 +194,17 @@ def api_pages() -> dict[str, str]:
     return {"api/index.md": "\n".join(listed) + "\n", **pages}
 
 
+def notebook_page() -> dict[str, str | bytes]:
+    """The notebook as a page, and its pictures; its links begin at the folder of the examples."""
+    from nbconvert import MarkdownExporter
+
+    text, files = MarkdownExporter().from_filename(ROOT / "examples/pick.ipynb")
+    pictures = {f"notebook/{name}": content for name, content in files["outputs"].items()}
+    for name in files["outputs"]:
+        text = text.replace(f"]({name})", f"](notebook/{name})")
+    return {"notebook.md": text.replace("](../docs/", "]("), **pictures}
+
+
 def on_files(files, config):
     """Add the pages that are made here (a hook of mkdocs)."""
     from mkdocs.structure.files import File
@@ -201,6 +212,7 @@ def on_files(files, config):
     found = citations()
     for name, content in {
         "dissertation.md": dissertation_page(found),
+        **notebook_page(),
         **source_pages(found),
         **api_pages(),
     }.items():

@@ -1,6 +1,7 @@
 """The documentation: its links lead somewhere, and the index finds what the dissertation numbers."""
 
 import importlib.util
+import json
 import re
 import runpy
 import subprocess
@@ -15,7 +16,7 @@ from committed import ROOT, read_yaml
 from structlearn import __version__
 
 PAGES = [ROOT / "README.md", ROOT / "CONTRIBUTING.md", *sorted((ROOT / "docs").glob("*.md"))]
-MADE = {"docs/dissertation.md", "docs/api/index.md"}
+MADE = {"docs/dissertation.md", "docs/notebook.md", "docs/api/index.md"}
 """By `docs/hooks.py`, when the site is built."""
 
 TOLD = (
@@ -131,6 +132,30 @@ def test_the_search_needs_no_network_and_knows_no_code(hooks):
     assert searched("api/core.md") == searched("dissertation.md") == {}
     shown = '<details class="mkdocstrings-source"><summary>Source'
     assert "data-search-exclude>" in hooks.on_page_content(shown, None, None, None)
+
+
+def cells_of(script):
+    """Kind and text of the cells of a notebook's script: texts and magics are comments in it."""
+    for cell in re.split(r"^# %%", script, flags=re.MULTILINE)[1:]:
+        head, _, body = cell.partition("\n")
+        text = "[markdown]" in head
+        lines = body.strip("\n").splitlines()
+        plain = [re.sub(r"^# ?", "", line) if text or line.startswith("# !") else line for line in lines]
+        yield "markdown" if text else "code", "\n".join(plain)
+
+
+def test_the_notebook_is_that_of_its_script_was_run_and_names_no_machine():
+    cells = json.loads((ROOT / "examples/pick.ipynb").read_text())["cells"]
+    assert [(cell["cell_type"], "".join(cell["source"])) for cell in cells] == list(
+        cells_of((ROOT / "examples/pick.py").read_text())
+    )
+    code = [cell for cell in cells if cell["cell_type"] == "code"]
+    assert [cell["execution_count"] for cell in code] == list(range(1, len(code) + 1))
+    outputs = [output for cell in code for output in cell["outputs"]]
+    assert {output["output_type"] for output in outputs} == {"stream", "display_data"}
+    said = "".join("".join(output.get("text", "")) for output in outputs)
+    assert "0 of 33 runs fail" in said
+    assert not re.search(r"(?<![\w.])/(?!gripper|joint_states|wrist)\w+/|\x1b|Warning|Traceback", said)
 
 
 def test_make_alone_lists_every_target():

@@ -14,7 +14,7 @@ PAGES = sorted(REPORTS.rglob("*.html"))
 DOCUMENTS = [ROOT / "README.md", ROOT / "CONTRIBUTING.md", *sorted((ROOT / "docs").glob("*.md"))]
 ELSEWHERE = re.compile(r"[a-z]+:|//")
 NOT_IN_GIT = (".rrd",)  # 3-D recordings, which the pipeline makes
-MADE_BY_MAKE_DOCS = {"docs/dissertation.md", "docs/api/index.md"}
+MADE_BY_MAKE_DOCS = {"docs/dissertation.md", "docs/notebook.md", "docs/api/index.md"}
 
 
 @cache
