@@ -13,7 +13,6 @@ from pathlib import Path
 
 import jupytext
 import nbformat
-from jupyter_client import AsyncKernelManager
 from nbclient import NotebookClient
 
 from structlearn.core.artefacts import publish
@@ -30,15 +29,13 @@ def main() -> None:
     for number, cell in enumerate(notebook.cells):
         cell["id"] = f"cell-{number}"
     with tempfile.TemporaryDirectory() as folder:
-        kernel = AsyncKernelManager(kernel_name="python3", transport="ipc")  # no ports of the machine
+        kept = {"record_timing": False, "coalesce_streams": True}
         where = {"metadata": {"path": folder}}
-        NotebookClient(
-            notebook, kernel, resources=where, timeout=600, record_timing=False, coalesce_streams=True
-        ).execute()
+        NotebookClient(notebook, resources=where, startup_timeout=300, timeout=600, **kept).execute()
     for output in [output for cell in notebook.cells for output in cell.get("outputs", [])]:
         if output.output_type == "stream":
             output.text = TERMINAL.sub("", output.text).strip("\n")
-    notebook.metadata = {"kernelspec": notebook.metadata["kernelspec"]}
+    notebook.metadata = {"kernelspec": notebook.metadata["kernelspec"], "language_info": {"name": "python"}}
     with publish(SCRIPT.with_suffix(".ipynb")) as path:
         nbformat.write(notebook, path)
 
