@@ -309,18 +309,33 @@ class Controller:
     @property
     def phase(self) -> float:
         """Phase p of the running primitive; of a rhythmic one, of its cycle."""
-        plan, primitive = self._plan, self.primitive
-        switches = plan.rows[primitive] - primitive  # a switch has two rows, but is one sample
-        elapsed = self._dt * (self._ticks_done + self._skipped - switches)
-        rhythm, tau = self.skill.primitives[primitive].rhythm, plan.tau[primitive]
+        rhythm, tau = self.skill.primitives[self.primitive].rhythm, self._plan.tau[self.primitive]
         if rhythm is not None:
-            return float(rhythmic.phase(elapsed / tau, rhythm)[0])
-        return float(canonical.phase(elapsed, tau)[0])
+            return float(rhythmic.phase(self._elapsed / tau, rhythm)[0])
+        return float(canonical.phase(self._elapsed, tau)[0])
+
+    @property
+    def stiffness(self) -> np.ndarray | None:
+        """Suggested stiffness (A,) of the running primitive, if the skill has one: N/m, then N m/rad.
+
+        It is a suggestion for a robot's impedance controller, along and about the axes of the base.
+        """
+        profile = self.skill.stiffness.get(self.skill.primitives[self.primitive].name)
+        if profile is None:
+            return None
+        times = np.linspace(0.0, self._planned[2][self.primitive], len(profile))
+        return np.array([np.interp(self._elapsed, times, axis) for axis in profile.T])
 
     @property
     def finished(self) -> bool:
         """Whether the last primitive has ended; ticks may continue, and the pose settles at the goal."""
         return bool(self._ticks_done + self._skipped >= self._last_tick)
+
+    @property
+    def _elapsed(self) -> float:
+        """Time of the outputs in s since the start of the running primitive."""
+        switches = self._plan.rows[self.primitive] - self.primitive  # has two rows each, but is one sample
+        return float(self._dt * (self._ticks_done + self._skipped - switches))
 
     @property
     def _ticks_done(self) -> int:
