@@ -44,7 +44,7 @@ def test_the_spread_is_that_of_the_demonstrations_on_each_axis_of_the_base():
     stiffness = suggested(found, BOUNDS)
     assert (stiffness[[0, -1]] == BOUNDS.stiffest_n_m).all()  # all demonstrations meet their ends
     assert stiffness[KNOTS // 2, 1] == pytest.approx(BOUNDS.force_n / expected[KNOTS // 2, 1], rel=0.02)
-    with pytest.raises(InputError, match="'reach' was learned from 2 demonstrations: .* needs 3"):
+    with pytest.raises(InputError, match=r"'reach' was learned from 2 demonstrations: .* needs 3"):
         spread(primitive, [(path, None) for path in paths[:2]])
 
 
