@@ -220,7 +220,8 @@ def stiffness_figure(
         bands.plot(time, middle, color=colour, linewidth=1.0, label=axis)
         below.plot(time, stiffness[:, place], color=colour)
     bands.set(title=f"{primitive.name}: spread", ylabel="to the goal (mm)")
-    below.set(ylabel="stiffness (N/m)", xlabel="time (s)", yscale="log")
+    below.set(ylabel="stiffness (N/m)", xlabel="time (s)")
+    below.set_ylim(bottom=0.0)
     return legend(figure, 3)
 
 
