@@ -453,6 +453,94 @@ def test_a_goal_that_cannot_be_moved_is_an_error():
             controller.move_goal(*arguments)
 
 
+@for_few_rngs
+def test_via_points_are_passed_exactly_and_nothing_else_changes(rng):
+    skill = random_skill(rng)
+    free, _ = run(started(Controller(skill, RATE)))
+    controller = started(Controller(skill, RATE))
+    begin, _ = run(controller, ticks=20)
+    place = {"down": 0.4, "scrape": 0.3}  # of the running primitive and of a later one
+    points = {}
+    for name, phase in place.items():
+        index = NAMES.index(name)
+        at = np.flatnonzero((free["primitive"] == index) & (free["phase"] <= phase))[0]
+        points[at] = free["position"][at] + random_vectors(rng, 0.015)
+        controller.add_via_point(name, phase, points[at])
+    rest, _ = run(controller)
+    whole = {name: np.concatenate([begin[name], rest[name]]) for name in begin}
+    for at, point in points.items():
+        np.testing.assert_allclose(whole["position"][at], point, atol=1e-12)
+    ends = np.flatnonzero(np.diff(free["primitive"])) + 1
+    for name in POSITION:  # the detour starts from where the hand is, and ends with its primitive
+        scale = np.abs(free[name]).max()
+        for same in (slice(0, 21), slice(ends[0], ends[1]), slice(-1, None)):
+            np.testing.assert_allclose(whole[name][same], free[name][same], atol=2e-3 * scale)
+    detour = np.linalg.norm(whole["position"] - free["position"], axis=1)
+    largest = [np.linalg.norm(point - free["position"][at]) for at, point in points.items()]
+    np.testing.assert_allclose(detour.max(), max(largest), rtol=1e-2)  # no overshoot beyond that of sampling
+    jumps, before = (np.abs(np.diff(one["acceleration"], axis=0)).max() for one in (whole, free))
+    spans = [
+        np.diff([first, at, end]).min() / RATE
+        for first, at, end in zip((20, ends[1]), points, (ends[0], len(free["time"]) - 1), strict=True)
+    ]
+    jerk = max(60.0 * size / span**3 for size, span in zip(largest, spans, strict=True))  # of minimum jerk
+    assert jumps <= before + 1.1 * jerk / RATE
+
+
+@for_few_rngs
+def test_a_via_point_holds_when_a_goal_moves_and_in_a_copy(rng):
+    skill = random_skill(rng)
+    durations = [3.0, 3.0, 3.0]
+    controller = started(Controller(skill, RATE, durations))
+    run(controller, ticks=20)
+    point = POINTS[:2].mean(axis=0) + random_vectors(rng, 0.02)
+    controller.add_via_point("down", 0.25, point)
+    run(controller, ticks=20)
+    goal = POINTS[1] + random_vectors(rng, 0.02)
+    controller.move_goal("down", goal)
+    copied, _ = run(copy.copy(controller))
+    moved, _ = run(controller)
+    np.testing.assert_array_equal(moved["position"], copied["position"])
+    at = np.flatnonzero((moved["primitive"] == 0) & (moved["phase"] <= 0.25))[0]
+    np.testing.assert_allclose(moved["position"][at], point, atol=1e-12)
+    other = started(Controller(skill, RATE, durations))
+    run(other, ticks=40)
+    other.move_goal("down", goal)
+    direct, _ = run(other)
+    end = np.flatnonzero(moved["primitive"] == 1)[0]
+    np.testing.assert_allclose(moved["position"][end:], direct["position"][end:], atol=1e-6)
+    again, _ = run(started(controller))  # the next run has no via points
+    free, _ = run(started(Controller(skill, RATE, durations)))
+    np.testing.assert_array_equal(again["position"], free["position"])
+
+
+def test_a_via_point_that_cannot_be_passed_is_an_error_and_nothing_moves():
+    skill = replace(random_skill(np.random.default_rng(12)), workspace=BOX)
+    controller = started(Controller(skill, RATE))
+    run(controller, ticks=round(RATE * skill.primitives[0].duration) + 30)
+    near, passed = controller.position + 0.001, controller.phase
+    planned = controller._plan.position_forcing.copy()
+    for arguments, message in (
+        (("down", 0.5, near), "'down' has ended"),
+        (("up", 0.5, near), "no primitive 'up'"),
+        (("tilt", 1.5, near), "at phase 1.5, which is not ahead"),
+        (("tilt", 0.0, near), "at phase 0, which is not ahead"),
+        (("tilt", passed + 0.01, near), "which is not ahead"),
+        (("tilt", np.nan, near), "which is not ahead"),
+        (("tilt", "late", near), "must be a number"),
+        (("tilt", passed - 0.02, near), "less than 10 ticks from now"),
+        (("tilt", 0.0142, near), "less than 10 ticks from now, from the end"),
+        (("tilt", 0.3, np.full(3, np.nan)), "via point of 'tilt' must be 3 finite numbers"),
+        (("tilt", 0.3, np.array([0.0, 0.0, 2.0])), "via point of 'tilt' is outside the workspace"),
+        (("tilt", 0.3, np.array([0.35, 0.35, 0.45])), "faster than the movement itself"),
+    ):
+        with pytest.raises(InputError, match=message):
+            controller.add_via_point(*arguments)
+        np.testing.assert_array_equal(controller._plan.position_forcing, planned)
+    with pytest.raises(RuntimeError, match="comes before add_via_point"):
+        Controller(skill, RATE).add_via_point("down", 0.5, near)
+
+
 @pytest.mark.parametrize(
     ("point", "message"),
     [

@@ -1,8 +1,9 @@
 """The controller under faults of its sensor and of its caller: `make upsets N=1000000`.
 
 A run goes from stretch to stretch of readings that are good, late, repeated, not finite, huge, or of
-another size; now and then a goal moves, a goal is refused, or the caller starts again. Whatever comes, all
-outputs are finite, coupling terms keep their bounds in size and in rate, and the goals are reached.
+another size; now and then a goal moves or is refused, a via point is added, or the caller starts again.
+Whatever comes, all outputs are finite, coupling terms keep their bounds in size and in rate, and the goals
+are reached.
 After each tick the caller tries to write into an output.
 
 Writes `reports/reliability/upsets.csv`; names each run that breaks the rule.
@@ -13,6 +14,7 @@ import sys
 from collections import Counter
 from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass, replace
+from functools import partial
 
 import numpy as np
 import pandas as pd
@@ -32,7 +34,7 @@ READINGS = ("good", "none", "none, then all at once", "the same again", "NaN", "
 READINGS += ("infinite", "up to 1e308", "a million times too large", "of another size")
 NOT_FINITE = ("NaN", "NaN in one channel", "infinite")
 
-CALLS = ("a goal moves", "a goal is refused", "a new start")
+CALLS = ("a goal moves", "a via point is added", "a goal is refused", "a new start")
 
 LONGEST_STRETCH = 150  # ticks of one kind of reading
 BETWEEN_CALLS = 400  # ticks between other calls than `tick`, in the mean
@@ -144,15 +146,23 @@ def upset(seed: int) -> Run:
             call = CALLS[rng.integers(len(CALLS))]
             calls[call] += 1
             if call == "a goal moves":
-                goal = _near(sequence.default_goals(skill.primitives)[-1], rng)
-                controller.move_goal(skill.primitives[-1].name, goal.position, goal.orientation)
+                near = _near(sequence.default_goals(skill.primitives)[-1], rng)
+                ask = partial(controller.move_goal, 2, near.position, near.orientation)
+                refused, changed = _called(controller, ask)  # if a via point cannot be passed any more
+                goal, moved = goal if refused else near, moved or changed
+            elif call == "a via point is added":
+                point, phase = controller.position + random_vectors(rng, 0.01), rng.uniform(0.0, 1.0)
+                ask = partial(controller.add_via_point, controller.primitive, phase, point)
+                moved |= _called(controller, ask)[1]  # may be refused
             elif call == "a goal is refused":
                 bad = ([0.0, np.nan, 0.0], [4.0, 0.0, 0.0], [0.0, 0.0])[rng.integers(3)]
-                moved |= _moves(controller, lambda bad=bad: controller.move_goal(2, bad))
+                refused, changed = _called(controller, partial(controller.move_goal, 2, bad))
+                moved |= changed or not refused
             else:
                 goal, starts = _begin(controller, rng), starts + 1
         if reading == "of another size":
-            moved |= _moves(controller, lambda counts=counts: controller.tick(counts))
+            refused, changed = _called(controller, partial(controller.tick, counts))
+            moved |= changed or not refused
             counts = None
         flags = controller.tick(counts)
         state = np.concatenate([getattr(controller, name) for name in STATE])
@@ -244,15 +254,16 @@ def _is_written(output: np.ndarray) -> bool:
     return True
 
 
-def _moves(controller: Controller, call: Callable[[], object]) -> bool:
-    """Whether a call that must be refused is not, or changes the outputs."""
+def _called(controller: Controller, call: Callable[[], object]) -> tuple[bool, bool]:
+    """Whether a call is refused, and whether it changes the outputs."""
     before = [np.copy(getattr(controller, name)) for name in (*STATE, "coupling")]
+    refused = False
     try:
         call()
     except InputError:
-        after = [getattr(controller, name) for name in (*STATE, "coupling")]
-        return not all(map(np.array_equal, before, after))
-    return True
+        refused = True
+    after = [getattr(controller, name) for name in (*STATE, "coupling")]
+    return refused, not all(map(np.array_equal, before, after))
 
 
 if __name__ == "__main__":

@@ -12,13 +12,14 @@ from structlearn.feedback.controller_tick import Plan
 from structlearn.feedback.coupling import AXES
 from structlearn.feedback.coupling_model import CouplingModel
 from structlearn.feedback.skill import ReactiveSkill, real_numbers
-from structlearn.primitives import transformation
+from structlearn.primitives import transformation, via_points
 from structlearn.primitives.orientation import QuaternionPrimitive
 from structlearn.primitives.sequence import PoseGoal, default_goals, default_start
 from structlearn.primitives.vector import sample_count
 
 Place = tuple[int, int]  # index of the primitive, index of the axis
 Point = tuple[np.ndarray, np.ndarray, np.ndarray]  # position, velocity, acceleration (3,) each
+ViaPoints = Mapping[int, np.ndarray]  # positions (3,) m by row of the plan
 
 HELD_DURATIONS = 4.0
 """Durations for which the last primitive's terms continue after its end; then u is 1e-11, and is set to 0."""
@@ -29,6 +30,9 @@ MOST_TICKS = 10**7
 MOST_HZ = 1e4
 """Highest rate of a controller: ten times a usual robot's, with a tick planned ahead for each of its periods;
 more suggests a unit error."""
+
+FEWEST_ROWS = 10
+"""Rows from a via point to the next, to now and to the end: fewer make no smooth detour."""
 
 UNIT_TOLERANCE = 1e-6  # largest deviation of a quaternion's norm from 1
 
@@ -122,17 +126,25 @@ def compiled_networks(
 
 
 def forcing_in_base_frame(
-    skill: ReactiveSkill, plan: Plan, dt: float, first: int, state: Point, goals: np.ndarray
+    skill: ReactiveSkill,
+    plan: Plan,
+    dt: float,
+    forcing: np.ndarray,
+    first: int,
+    state: Point,
+    goals: np.ndarray,
+    via: ViaPoints,
 ) -> np.ndarray:
-    """Forcing term (R, 3) of the plan's positions, with new rows from primitive `first` on.
+    """A forcing term (R, 3) of the plan's positions, with new rows from primitive `first` on.
 
     Frame and amplitude of a primitive are those of its reach from where it starts without feedback, so the
     primitives are unrolled from `state`, at the start of the first. Shifts by feedback are absorbed by the
     evolving goal.
 
-    `goals`: (P, 3) m. Raises InputError: a primitive's start and goal define no local frame.
+    `goals`: (P, 3) m. Raises InputError: a primitive's start and goal define no local frame, or as
+    `through_via_points`.
     """
-    forcing = plan.position_forcing.copy()
+    forcing = forcing.copy()
     for index in range(first, len(plan.tau)):
         primitive, tau = skill.primitives[index], plan.tau[index]
         local = primitive.position.local
@@ -143,16 +155,53 @@ def forcing_in_base_frame(
         part = slice(plan.rows[index], plan.rows[index + 1])
         weights = local.weights_towards(np.zeros(3), (goals[index] - state[0]) @ axes)
         forcing[part] = local.features(part.stop - part.start, dt / tau) @ weights @ axes.T
-        state = end_state(forcing[part], dt, tau, state, goals[index])
+        forcing[part], state = through_via_points(
+            skill, plan, dt, part.start, state, goals[index], forcing[part], via
+        )
     forcing[-1] = 0.0
     return forcing
 
 
-def end_state(forcing: np.ndarray, dt: float, tau: float, state: Point, goal: np.ndarray) -> Point:
-    """State at the last row of a forcing term (T, 3)."""
+def through_via_points(
+    skill: ReactiveSkill,
+    plan: Plan,
+    dt: float,
+    row: int,
+    state: Point,
+    goal: np.ndarray,
+    forcing: np.ndarray,
+    via: ViaPoints,
+) -> tuple[np.ndarray, Point]:
+    """Forcing term (T, 3) of a primitive from a row on, changed to pass its via points, and its end state.
+
+    `state`: at the row. `forcing`: (T, 3) without what is still missing. Raises InputError: a via point is
+    too close to the row, to another or to the end, or takes a detour that is faster than the movement.
+    """
+    index = int(np.searchsorted(plan.rows, row, side="right")) - 1
+    primitive, tau = skill.primitives[index], plan.tau[index]
     x, xd, xdd = state
     path = transformation.unroll(x, goal, forcing, dt, tau, xd, xdd)
-    return path.position[-1], path.velocity[-1], path.acceleration[-1]
+    rows = sorted(at - row for at in via if row <= at < plan.rows[index + 1])
+    if rows:
+        duration = tau * primitive.duration / primitive.position.local.time_constant(primitive.duration)
+        ends = np.array([0, *rows, sample_count(duration, dt) - 1 - (row - plan.rows[index])])
+        missing = np.array([via[row + at] - path.position[at] for at in rows])
+        steps = np.diff([np.zeros(3), *missing, np.zeros(3)], axis=0)
+        what = f"a via point of '{primitive.name}'"
+        if np.diff(ends).min() < FEWEST_ROWS:
+            raise InputError(
+                f"{what} is less than {FEWEST_ROWS} ticks from now, from the end or from another"
+            )
+        speed = via_points.PEAK_SPEED * np.max(np.linalg.norm(steps, axis=1) / np.diff(ends)) / dt
+        planned = primitive.position.unroll(dt, duration=duration).velocity
+        if speed > (fastest := np.linalg.norm(planned, axis=1).max()):
+            raise InputError(
+                f"{what} takes a detour at {speed:.3g} m/s, faster than the movement itself "
+                f"({fastest:.3g} m/s): ask for it earlier or nearer"
+            )
+        forcing = forcing + via_points.forcing_change(ends[1:].tolist(), missing, len(forcing), dt / tau)
+        path = transformation.unroll(x, goal, forcing, dt, tau, xd, xdd)
+    return forcing, (path.position[-1], path.velocity[-1], path.acceleration[-1])
 
 
 def checked_rate(rate_hz: float) -> float:

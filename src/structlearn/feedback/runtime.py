@@ -85,22 +85,25 @@ class Controller:
         self._sample, self._clock = self._state.sample, self._state.clock
         self._sample_rule = f"a sensor sample has {len(self._sample)} numbers"
         self._started, self._skipped = False, 0
+        self._via: dict[int, np.ndarray] = {}  # of this run, by row
         self.position, self.velocity, self.acceleration = map(_read_only, self._state.path[:, 0, 0])
         self.angular_velocity, self.angular_acceleration = map(_read_only, self._state.turning[:, 0, 0])
         self.orientation = _read_only(self._state.orientation[0, 0])
         self.deviation, self.coupling = _read_only(self._state.deviation), _read_only(self._state.coupling)
 
-    def __getstate__(self) -> tuple[tuple[Any, ...], list[np.ndarray], bool, int]:
+    def __getstate__(self) -> tuple[tuple[Any, ...], list[np.ndarray], bool, int, dict[int, np.ndarray]]:
         """Enough to plan and continue the run elsewhere: addresses of compiled functions hold here only."""
-        return self._planned, self._arrays(), self._started, self._skipped
+        return self._planned, self._arrays(), self._started, self._skipped, self._via
 
-    def __setstate__(self, kept: tuple[tuple[Any, ...], list[np.ndarray], bool, int]) -> None:
+    def __setstate__(
+        self, kept: tuple[tuple[Any, ...], list[np.ndarray], bool, int, dict[int, np.ndarray]]
+    ) -> None:
         """Continue a run; copies and unpickled controllers are independent of the original."""
-        planned, arrays, started, skipped = kept
+        planned, arrays, started, skipped, via = kept
         Controller.__init__(self, *planned)
         for own, array in zip(self._arrays(), arrays, strict=True):
             own[:] = array
-        self._started, self._skipped = started, skipped
+        self._started, self._skipped, self._via = started, skipped, dict(via)
 
     def _arrays(self) -> list[np.ndarray]:
         """Everything that does not follow from the arguments of the constructor alone, to the last bit."""
@@ -123,7 +126,9 @@ class Controller:
             orientation = quaternion.IDENTITY
         at_rest = (position, np.zeros(3), np.zeros(3))
         goals, turned_goals = self._goals
-        forcing = run_tables.forcing_in_base_frame(self.skill, plan, self._dt, 0, at_rest, goals)
+        forcing = run_tables.forcing_in_base_frame(
+            self.skill, plan, self._dt, plan.position_forcing, 0, at_rest, goals, {}
+        )
         plan.position_forcing[:] = forcing  # the first change of state: nothing below can fail
         plan.position_goal[:] = goals
         plan.orientation_goal[:] = turned_goals if turned else orientation
@@ -143,7 +148,7 @@ class Controller:
         controller_tick.tick(self._run, False)
         for name in before.keys() - {"path", "turning", "orientation", "deviation"}:  # all but outputs
             getattr(state, name)[:] = before[name]
-        self._started, self._skipped = True, 0
+        self._started, self._skipped, self._via = True, 0, {}
 
     def tick(self, counts: np.ndarray | None) -> int:
         """Advance to the next sample of the run; the first tick outputs the start itself.
@@ -179,13 +184,8 @@ class Controller:
                 the state is unchanged.
             RuntimeError: the run has not been started.
         """
-        if not self._started:
-            raise RuntimeError("start() comes before move_goal()")
-        plan, state = self._plan, self._state
-        index, running = self.skill.index(primitive), self._clock[controller_tick.PRIMITIVE]
+        plan, state, index = self._plan, self._state, self._coming("move_goal()", primitive)
         name = self.skill.primitives[index].name
-        if index < running:
-            raise InputError(f"'{name}' has ended, its goal cannot be moved")
         position = run_tables.checked_point(self.skill, position, f"the goal of '{name}'")
         old, old_turned = plan.position_goal[index].copy(), plan.orientation_goal[index].copy()
         turned = old_turned
@@ -193,22 +193,66 @@ class Controller:
             turned = run_tables.checked_goal_orientation(self.skill, orientation, index)
         goals = plan.position_goal.copy()
         goals[index] = position
-        following = run_tables.end_state(
-            plan.position_forcing[self._clock[controller_tick.ROW] : plan.rows[running + 1]],
-            self._dt,
-            plan.tau[running],
-            self._due_point(),
-            goals[running],
-        )
-        forcing = run_tables.forcing_in_base_frame(self.skill, plan, self._dt, running + 1, following, goals)
-        plan.position_forcing[:] = forcing
+        plan.position_forcing[:] = self._replanned(goals, self._via)
         plan.position_goal[:] = goals
         plan.orientation_goal[index] = turned
-        if index == running:
+        if index == self.primitive:
             state.point[0] += old - position  # both are relative to the steady goal
             state.point[2] += old - position
             evolving = quaternion.product(quaternion.from_rotation_vector(state.remaining[0]), old_turned)
             state.remaining[0] = quaternion.difference(evolving, turned)
+
+    def add_via_point(self, primitive: int | str, phase: float, position: np.ndarray) -> None:
+        """Pass a point at a phase of the running primitive or of a later one in this run.
+
+        Call between ticks. Position, velocity and acceleration stay continuous, and the goal and what follows
+        are as before (`primitives.via_points`). Without feedback the point is reached exactly, in the tick
+        that is the first at or after the phase; coupling terms shift it. It holds for this run, also when
+        goals are moved later.
+
+        `phase`: as the property, 1 at the start and 0.014 at the end. `position`: (3,) m.
+
+        Raises:
+            InputError: no such primitive, it has ended or is rhythmic, the phase is not ahead, the point is
+                invalid or outside the workspace, or the detour is faster than the movement itself; the state
+                is unchanged.
+            RuntimeError: the run has not been started.
+        """
+        plan, index = self._plan, self._coming("add_via_point()", primitive)
+        name = self.skill.primitives[index].name
+        position = run_tables.checked_point(self.skill, position, f"the via point of '{name}'")
+        phase = float(real_numbers(phase, (), f"the phase of the via point of '{name}' must be a number"))
+        if self.skill.primitives[index].rhythm is not None:
+            raise InputError(f"'{name}' is rhythmic: via points are for discrete primitives")
+        rows = np.arange(*plan.rows[index : index + 2])
+        passed = canonical.phase(self._dt * (rows - rows[0]), plan.tau[index])[0] <= phase
+        row = rows[np.argmax(passed)]
+        if not (0.0 < phase < 1.0 and passed.any() and row > self._clock[controller_tick.ROW]):
+            raise InputError(f"the via point of '{name}' is at phase {phase:g}, which is not ahead")
+        via = self._via | {int(row): position}
+        plan.position_forcing[:] = self._replanned(plan.position_goal, via)
+        self._via = via
+
+    def _coming(self, call: str, primitive: int | str) -> int:
+        """Index of a primitive that has not ended. Raises as `move_goal`."""
+        if not self._started:
+            raise RuntimeError(f"start() comes before {call}")
+        index = self.skill.index(primitive)
+        if index < self.primitive:
+            raise InputError(f"'{self.skill.primitives[index].name}' has ended")
+        return index
+
+    def _replanned(self, goals: np.ndarray, via: run_tables.ViaPoints) -> np.ndarray:
+        """Forcing term (R, 3) to goals (P, 3) and via points from the due sample on."""
+        plan, (row, running) = self._plan, self._clock[[controller_tick.ROW, controller_tick.PRIMITIVE]]
+        rest = slice(row, plan.rows[running + 1])
+        forcing = plan.position_forcing.copy()
+        forcing[rest], following = run_tables.through_via_points(
+            self.skill, plan, self._dt, row, self._due_point(), goals[running], forcing[rest], via
+        )
+        return run_tables.forcing_in_base_frame(
+            self.skill, plan, self._dt, forcing, running + 1, following, goals, via
+        )
 
     def stop_strokes(self) -> int:
         """Leave out as many whole cycles of the running rhythmic primitive as possible; call between ticks.
@@ -265,18 +309,33 @@ class Controller:
     @property
     def phase(self) -> float:
         """Phase p of the running primitive; of a rhythmic one, of its cycle."""
-        plan, primitive = self._plan, self.primitive
-        switches = plan.rows[primitive] - primitive  # a switch has two rows, but is one sample
-        elapsed = self._dt * (self._ticks_done + self._skipped - switches)
-        rhythm, tau = self.skill.primitives[primitive].rhythm, plan.tau[primitive]
+        rhythm, tau = self.skill.primitives[self.primitive].rhythm, self._plan.tau[self.primitive]
         if rhythm is not None:
-            return float(rhythmic.phase(elapsed / tau, rhythm)[0])
-        return float(canonical.phase(elapsed, tau)[0])
+            return float(rhythmic.phase(self._elapsed / tau, rhythm)[0])
+        return float(canonical.phase(self._elapsed, tau)[0])
+
+    @property
+    def stiffness(self) -> np.ndarray | None:
+        """Suggested stiffness (A,) of the running primitive, if the skill has one: N/m, then N m/rad.
+
+        It is a suggestion for a robot's impedance controller, along and about the axes of the base.
+        """
+        profile = self.skill.stiffness.get(self.skill.primitives[self.primitive].name)
+        if profile is None:
+            return None
+        times = np.linspace(0.0, self._planned[2][self.primitive], len(profile))
+        return np.array([np.interp(self._elapsed, times, axis) for axis in profile.T])
 
     @property
     def finished(self) -> bool:
         """Whether the last primitive has ended; ticks may continue, and the pose settles at the goal."""
         return bool(self._ticks_done + self._skipped >= self._last_tick)
+
+    @property
+    def _elapsed(self) -> float:
+        """Time of the outputs in s since the start of the running primitive."""
+        switches = self._plan.rows[self.primitive] - self.primitive  # has two rows each, but is one sample
+        return float(self._dt * (self._ticks_done + self._skipped - switches))
 
     @property
     def _ticks_done(self) -> int:

@@ -120,6 +120,9 @@ class ReactiveSkill:
     workspace: Workspace | None = None  # where runs may start and have goals; None: anywhere
     # names and numbers of channels of the sensors in a sample, in this order; optional
     sensors: tuple[tuple[str, int], ...] = ()
+    # suggested stiffness of all primitives or of none (`primitives.stiffness`): (M, A) at equal parts of the
+    # duration, along x, y, z in N/m and, with A = 6, about them in N m/rad
+    stiffness: Mapping[str, np.ndarray] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
         names = [primitive.name for primitive in self.primitives]
@@ -147,6 +150,12 @@ class ReactiveSkill:
                 raise InputError(
                     f"'{name}' has expected traces of {len(traces.start)} channels, others {self.channels}"
                 )
+        if self.stiffness and (
+            set(self.stiffness) != set(names)
+            or {profile.shape[1:] for profile in self.stiffness.values()} not in ({(3,)}, {(len(AXES),)})
+            or not all(len(profile) > 1 and (profile > 0.0).all() for profile in self.stiffness.values())
+        ):
+            raise InputError("a stiffness is positive, on 3 or on 6 axes, of all primitives or of none")
         if self.sensors and sum(count for _, count in self.sensors) != self.channels:
             raise InputError(f"sensors {dict(self.sensors)} do not make up {self.channels} channels")
         for name, by_axis in self.networks.items():

@@ -1,8 +1,9 @@
 """A skill as one safetensors file: everything a robot needs, with bounds, units and provenance.
 
 Tensors are `primitives.<primitive>...` as in `primitives.primitive_files`, `expected.<primitive>.<array>`,
-`networks.<primitive>.<axis>.<array>`, and `workspace` (2, 3), its low and high corner. The rest is in the
-description, with a digest of everything (`core.artefacts`).
+`networks.<primitive>.<axis>.<array>`, `workspace` (2, 3), its low and high corner, and, if the skill suggests
+one, `stiffness.<primitive>` (M, 3 or 6). The rest is in the description, with a digest of everything
+(`core.artefacts`).
 """
 
 import hashlib
@@ -49,6 +50,11 @@ LARGEST = 1e9
 """Largest absolute value that is accepted; below it no tick overflows."""
 SHORTEST_S, LONGEST_S = 1e-3, 1000.0  # of a primitive: at least a tick; more suggests a unit error
 
+STIFFNESS = (  # `primitives.stiffness`
+    "N/m along x, y, z of the base, then N m/rad about them, at equal parts of the duration: "
+    "clip(force / spread of the demonstrations about the primitive, softest, stiffest)"
+)
+
 READINGS = (
     "A sample has the channels of all sensors, in their order, as the drivers give them. The mean of the "
     f"first {OFFSET_SAMPLES} good samples of a run, at rest and in the air, is its offset and is taken off: "
@@ -74,6 +80,7 @@ def write_skill(skill: ReactiveSkill, path: str | Path, provenance: Mapping[str,
     tensors["workspace"] = np.array([skill.workspace.low, skill.workspace.high])
     for name, traces in skill.expected.items():
         tensors |= prefixed(f"expected.{name}", vector_tensors(traces))
+    tensors |= prefixed("stiffness", dict(skill.stiffness))
     models = {}
     for name, by_axis in skill.networks.items():
         models[name] = {axis: module_name(network) for axis, network in by_axis.items()}
@@ -90,6 +97,8 @@ def write_skill(skill: ReactiveSkill, path: str | Path, provenance: Mapping[str,
         "readings": READINGS,
         "provenance": dict(provenance),
     }
+    if skill.stiffness:
+        description["stiffness"] = STIFFNESS
     write_tensors(tensors, path, json.dumps({KIND: description}))
 
 
@@ -121,6 +130,7 @@ def read_skill(path: str | Path) -> ReactiveSkill:
             checked(described["limits"], Limits, KIND, "limits"),
             workspace,
             tuple((name, count) for name, count in described["sensors"]),
+            tensors_below("stiffness", tensors),
         )
         for pose in (default_start(skill.primitives), *default_goals(skill.primitives)):
             workspace.require(pose.position, "a demonstrated start or goal")

@@ -258,21 +258,28 @@ def reproduction_errors(primitive: PosePrimitive, segments: Sequence[Segment]) -
     return pd.DataFrame([_errors(primitive, segment) for segment in segments])
 
 
-def _errors(primitive: PosePrimitive, segment: Segment) -> dict[str, float]:
-    """Row of `reproduction_errors`."""
+def unrolled(primitive: PosePrimitive, segment: Segment) -> tuple[Trajectory, OrientationTrajectory | None]:
+    """The primitive with the start, goal and duration of a segment; a rhythmic one also with its cycles."""
     position, orientation = segment
     if isinstance(segment, RhythmicSegment):
         primitive = segment.repeated_by(primitive)
     path = primitive.position.unroll(
         position.dt, position.position[0], position.position[-1], position.duration
     )
+    if orientation is None or primitive.orientation is None:
+        return path, None
+    ends = orientation.orientation[0], orientation.orientation[-1]
+    return path, primitive.orientation.unroll(orientation.dt, *ends, orientation.duration)
+
+
+def _errors(primitive: PosePrimitive, segment: Segment) -> dict[str, float]:
+    """Row of `reproduction_errors`."""
+    position, orientation = segment
+    path, turn = unrolled(primitive, segment)
     distance = 1e3 * np.linalg.norm(path.position - position.position, axis=1)
     row = {"mean_mm": distance.mean(), "max_mm": distance.max(), "end_mm": distance[-1]}
     row["nmse"] = _overall_nmse(path.position, position.position)
-    if orientation is not None and primitive.orientation is not None:
-        turn = primitive.orientation.unroll(
-            orientation.dt, orientation.orientation[0], orientation.orientation[-1], orientation.duration
-        )
+    if orientation is not None and turn is not None:
         angle = np.degrees(quaternion.angle_between(turn.orientation, orientation.orientation))
         row |= {"mean_deg": angle.mean(), "max_deg": angle.max(), "end_deg": angle[-1]}
     return row

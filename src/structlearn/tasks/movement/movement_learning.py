@@ -15,6 +15,8 @@ from structlearn.core import metrics, quaternion, signals
 from structlearn.core.artefacts import Metrics
 from structlearn.core.errors import InputError
 from structlearn.core.parallel import parallel_map
+from structlearn.feedback.coupling import AXES
+from structlearn.primitives import stiffness
 from structlearn.primitives.fitting import (
     FitParameters,
     RhythmicSegment,
@@ -156,6 +158,25 @@ def reproduction(
     table = pd.concat(tables + as_published, ignore_index=True)
     both = zip(table["primitive"], table["demonstration"], strict=True)
     return table.assign(from_mean_mm=[spread[key] for key in both])
+
+
+def spreads(
+    runs: Sequence[Demonstration],
+    cuts: Mapping[str, pd.DataFrame],
+    primitives: Sequence[PosePrimitive],
+    parameters: FitParameters,
+) -> pd.DataFrame:
+    """Spread of the demonstrations about each primitive (`stiffness.spread`).
+
+    Returns `primitive` and, along and about the axes of the base, `x`, `y`, `z` (m) and, with orientations,
+    `rx`, `ry`, `rz` (rad). Raises InputError as `stiffness.spread`.
+    """
+    segments = sequence_segments(runs, cuts, parameters.smoothing_hz)
+    tables = []
+    for primitive in primitives:
+        values = stiffness.spread(primitive, segments[primitive.name])
+        tables.append(pd.DataFrame(values, columns=AXES[: values.shape[1]]).assign(primitive=primitive.name))
+    return pd.concat(tables, ignore_index=True)
 
 
 def fit_metrics(reproduction: pd.DataFrame, parameters: FitParameters) -> Metrics:

@@ -12,6 +12,7 @@ from structlearn.feedback.skill_file import SkillParameters
 from structlearn.feedback.trainers import FeedbackNetworkParameters, TrainingParameters
 from structlearn.primitives.fitting import FitParameters
 from structlearn.primitives.position import FrameChoice
+from structlearn.primitives.stiffness import StiffnessParameters
 from structlearn.readers.source import ClockParameters, JointPose, Setting, SourceParameters, TopicMap
 from structlearn.segmentation.parameters import STROKES, SegmentParameters
 
@@ -124,6 +125,7 @@ class MovementEntry(SourceParameters):
     turns: bool
     traces_hz: float | None = Field(gt=0)
     skill: SkillParameters
+    stiffness: StiffnessParameters | None
     feedback: TaskFeedbackParameters | None
     corrections: PhaseCorrectionParameters | None
     robot: RobotParameters | None

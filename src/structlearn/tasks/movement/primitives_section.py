@@ -21,11 +21,12 @@ from structlearn.primitives.fitting import (
 )
 from structlearn.primitives.position import in_local_frame
 from structlearn.primitives.sequence import PosePrimitive, largest_acceleration_jump
+from structlearn.primitives.stiffness import StiffnessParameters, suggested
 from structlearn.primitives.trajectory import Trajectory
 from structlearn.primitives.twist_swing import dominant_axes, on_chart
 from structlearn.readers.demonstration import POSE, Demonstration
 from structlearn.reporting.document import Table
-from structlearn.reporting.figure_style import SAMPLES, Drawing, legend, panel, styled
+from structlearn.reporting.figure_style import SAMPLES, Drawing, canvas, legend, panel, styled
 from structlearn.reporting.findings import Findings
 from structlearn.reporting.movement_figures import reproduction_panel, sequence_figure, space_panels
 from structlearn.tasks.movement.movement_learning import fit_metrics, learned_cuts
@@ -74,6 +75,9 @@ def primitives_section(files: TaskFiles) -> Section:
         pictures["sequence"] = sequence_figure(sequences)
     else:
         pictures["local"] = [local_panel(primitives[0], segments[primitives[0].name], view) for view in VIEWS]
+    if own.stiffness is not None:
+        spread = files.table("primitives/spread")
+        pictures["stiffness"] = [stiffness_figure(one, spread, own.stiffness) for one in primitives]
     if len(runs) >= MANY:
         pictures["distances"] = [
             distance_panel(reproduction, f"{which} distance of the primitive", column, width_mm)
@@ -198,6 +202,27 @@ def fit_figure(primitive: PosePrimitive, place: int, segments: list[Segment], dt
     return reproduction_panel(
         primitive.name, place, shown, np.asarray(unrolled), [f"{axis} (mm)" for axis in AXES]
     )
+
+
+@styled
+def stiffness_figure(
+    primitive: PosePrimitive, spread: pd.DataFrame, parameters: StiffnessParameters
+) -> Figure:
+    """Band of the demonstrations about a primitive's path, and below it the stiffness that it suggests."""
+    own = spread[spread["primitive"] == primitive.name].drop(columns="primitive").dropna(axis=1)
+    stiffness, time = suggested(own.to_numpy(), parameters), np.linspace(0.0, primitive.duration, len(own))
+    path = primitive.position.unroll(primitive.duration / (len(own) - 1)).position
+    figure = canvas(4.6)
+    bands, below = figure.subplots(2, 1, sharex=True)
+    for place, (axis, colour) in enumerate(zip(AXES, palette.AXIS_COLOURS, strict=True)):
+        middle, width = 1e3 * (path[:, place] - path[-1, place]), 1e3 * own[axis]
+        bands.fill_between(time, middle - width, middle + width, color=colour, alpha=0.3, linewidth=0)
+        bands.plot(time, middle, color=colour, linewidth=1.0, label=axis)
+        below.plot(time, stiffness[:, place], color=colour)
+    bands.set(title=f"{primitive.name}: spread", ylabel="to the goal (mm)")
+    below.set(ylabel="stiffness (N/m)", xlabel="time (s)")
+    below.set_ylim(bottom=0.0)
+    return legend(figure, 3)
 
 
 @styled

@@ -30,6 +30,8 @@ def main(files: TaskFiles) -> None:
     errors = learning.reproduction(runs, cuts, own.fit, own.fold)
     tables = {name: sequence.sequence_table(path, list(cuts)) for name, path in paths.items()}
     tables |= {"reproduction": errors}
+    if own.stiffness is not None:
+        tables["spread"] = learning.spreads(runs, cuts, primitives, own.fit)
     if own.turns:
         tables["turns"] = learning.turn_errors(runs, primitives[0], own.fit)
     if own.presegmented == PARTS:

@@ -1,11 +1,14 @@
 """Write a task's skill file for a robot: primitives, feedback, bounds and provenance."""
 
+from dataclasses import replace
+
 from structlearn.core.artefacts import publish
 from structlearn.core.errors import InputError
 from structlearn.core.params import value_at
 from structlearn.feedback.coupling_targets import sensor_channels
 from structlearn.feedback.skill import ReactiveSkill, demonstrated_limits, demonstrated_workspace
 from structlearn.feedback.skill_file import skill_provenance, write_skill
+from structlearn.primitives.stiffness import suggested
 from structlearn.tasks.movement.feedback_learning import read_feedback
 from structlearn.tasks.movement.parameters import MovementEntry
 from structlearn.tasks.task_files import SKILL, TaskFiles, leave_out, run_for_task
@@ -31,6 +34,12 @@ def main(files: TaskFiles) -> None:
             workspace,
             sensor_channels(own.feedback.sensors, learned.expected),
         )
+    if own.stiffness is not None:
+        profiles = {
+            name: suggested(table.drop(columns="primitive").to_numpy(), own.stiffness)
+            for name, table in files.table("primitives/spread").groupby("primitive", sort=False)
+        }
+        skill = replace(skill, stiffness=profiles)
     with publish(files.folder / "skill") as folder:
         folder.mkdir()
         values = value_at(files.parameters, "entry")
