@@ -34,7 +34,7 @@ TOPICS = {"pose": POSE, "joint_states": [JOINTS], "wrench": WRENCH}
 FINGERS = ["panda_finger_joint1", "panda_finger_joint2"]
 PAUSES_S = 0.9  # mean pause or rest, of which there is one more than moves
 CAPTURE_M, GRAVITY = 0.0003, 9.81  # m, std of the pose per axis
-KNOT_S = 0.05  # s between the samples whose joint angles are solved for; others are interpolated
+KNOT_S = 0.1  # s between the samples whose joint angles are solved for; closer ones differentiate tremor
 
 
 def write_lab(folder: Path, count: int, seconds: float, rate_hz: float, moves: int = 5) -> None:
