@@ -41,9 +41,9 @@ TURN_DEG = 10.0  # of the tool about the vertical along a stroke
 PLACE_M, TURNING_M = 0.005, 0.001  # std per axis: of the wiped place, and of each turning point
 LENGTH_SPREAD, TEMPO_SPREAD, RHYTHM_SPREAD = 0.05, 0.08, 0.02  # std of logarithms; the last of each stroke
 STROKE_S, FEWEST, MOST = 0.9, 3, 5
-PRESSED_M, PAD_N_PER_M, FRICTION = 0.004, 1500.0, 0.4  # of the pad
+PRESSED_M, PAD_N_PER_M, FRICTION = 0.006, 1000.0, 0.4  # of the pad
 SLIDING_M_S = 0.02  # speed from which friction has its full size
-TAKEN_OVER = 0.8  # of the surface's height, by a person's correction
+TAKEN_OVER, NOTICED_S = 0.7, 0.4  # of the surface's height, by a person's correction; until it is all there
 EXECUTED = 0.05  # of the spread between demonstrations, between executions of what was learned
 TURNING_BACK = 0.5 * np.pi**2  # acceleration of a half sine at its ends, in stroke lengths and durations
 
@@ -57,7 +57,7 @@ def takes(seed: int, count: int = 6, pause_s: tuple[float, float] = (0.0, 0.0)) 
 
 
 def executions(seed: int, tilt_deg: float, edge: np.ndarray = EDGE, count: int = 6) -> list[Take]:
-    """Executions of the wiping from an `edge` (3,) m, corrected where the table is tilted about it."""
+    """Executions of the wiping from an `edge` (3,) m, corrected where the table is tilted."""
     drawn = np.random.SeedSequence([seed, MOST, 1 + round(100.0 * (90.0 + tilt_deg))]).spawn(count)
     return [
         _take(f"{number:02d}", seed, (0.0, 0.0), source, edge, tilt_deg, EXECUTED)
@@ -66,8 +66,8 @@ def executions(seed: int, tilt_deg: float, edge: np.ndarray = EDGE, count: int =
 
 
 def height(position: np.ndarray, edge: np.ndarray, tilt_deg: float) -> np.ndarray:
-    """Height (...) m of a tilted table over the level one, under positions (..., 3)."""
-    return np.tan(np.radians(tilt_deg)) * (position[..., 1] - edge[1])
+    """Height (...) m of a table over the level one, tilted half-way along the strokes, at (..., 3) m."""
+    return np.tan(np.radians(tilt_deg)) * (position - edge - 0.5 * STROKE)[..., 1]
 
 
 def contact_force(
@@ -99,7 +99,6 @@ def _take(
     sides = np.arange(number + 1) % 2
     turning = spread * TURNING_M * rng.standard_normal((number + 1, 3))
     turns = edge + longer * sides[:, None] * STROKE + turning
-    turns[:, 2] += TAKEN_OVER * height(turns, edge, tilt_deg)
     points = np.vstack([home[:1], turns, home[1:]])
     lengths = np.linalg.norm(np.diff(points, axis=0), axis=1)
     seconds = (BRISK.seconds + BRISK.seconds_per_m * lengths) * tempo
@@ -128,6 +127,8 @@ def _take(
         yaw = yaw + strokes * done * np.radians(TURN_DEG) * (1 - 2 * sides[move - 1])
     back = np.clip((time - starts[-1]) / seconds[-1], 0.0, 1.0)
     yaw = yaw - yaw[-1] * minimum_jerk(back)  # after an odd number of strokes the tool is turned
+    guided = minimum_jerk(np.clip((time - starts[1]) / NOTICED_S, 0.0, 1.0)) * (1.0 - minimum_jerk(back))
+    position[:, 2] += TAKEN_OVER * guided * height(position, edge, tilt_deg)
     velocity = np.gradient(position, 1 / GRID_HZ, axis=0)
     shaken, turned = hand_noise(
         velocity, np.zeros(len(time)), BRISK.sway_mm, GRID_HZ, np.random.default_rng(hand)
