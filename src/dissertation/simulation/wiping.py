@@ -44,6 +44,7 @@ STROKE_S, FEWEST, MOST = 0.9, 3, 5
 PRESSED_M, PAD_N_PER_M, FRICTION = 0.006, 1000.0, 0.4  # of the pad
 SLIDING_M_S = 0.02  # speed from which friction has its full size
 TAKEN_OVER, NOTICED_S = 0.7, 0.4  # of the surface's height, by a person's correction; until it is all there
+TILTS_DEG = (-6, -4, 4, 6)  # of the example's corrections
 EXECUTED = 0.05  # of the spread between demonstrations, between executions of what was learned
 TURNING_BACK = 0.5 * np.pi**2  # acceleration of a half sine at its ends, in stroke lengths and durations
 
@@ -154,12 +155,23 @@ def _take(
 
 
 def main() -> None:
-    """Write the bags of the wiping example to the folder named by the command line."""
-    target = Path(sys.argv[1])
-    with publish(target) as folder:
-        folder.mkdir()
-        write_takes(takes(seed=1), folder)
-    print(f"{target}: 6 bags")
+    """Write the bags of the wiping example to the two folders named by the command line.
+
+    The first has the demonstrations, the second executions in `executions` and `corrections/TILT`.
+    """
+    demonstrated = takes(seed=1)
+    starts = [np.searchsorted(take.time, take.segments[1, 0]) for take in demonstrated]
+    edge = np.mean([take.position[start] for take, start in zip(demonstrated, starts, strict=True)], axis=0)
+    sets = {"executions": executions(2, 0.0, edge)}
+    sets |= {f"corrections/{tilt}": executions(2, tilt, edge) for tilt in TILTS_DEG}
+    shown, executed = map(Path, sys.argv[1:])
+    with publish(shown) as first, publish(executed) as second:
+        first.mkdir()
+        write_takes(demonstrated, first)
+        for name, made in sets.items():
+            (second / name).mkdir(parents=True)
+            write_takes(made, second / name)
+    print(f"{shown}: 6 bags; {executed}: {sum(map(len, sets.values()))} bags")
 
 
 if __name__ == "__main__":

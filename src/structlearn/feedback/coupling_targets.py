@@ -143,33 +143,24 @@ def corrected_primitive(
     `cut`: `start_s` and `end_s` of the primitive. Raises InputError: the orientation or a sensor's stream is
     missing, or the primitive turns by more than half a circle.
     """
-    dt, ticks, rhythm = demonstration.dt, _ticks(demonstration, cut), _rhythm(cut)
+    dt, point, turn = demonstration.dt, None, None
     time, deviating = executed_primitive(demonstration, cut, expected, parameters.sensors)
-    target, point, turn = np.zeros((len(time), len(AXES))), None, None
-    strokes: Segment | None = None
-    if rhythm is not None:
+    target, (position, orientation) = (
+        np.zeros((len(time), len(AXES))),
+        _smoothed(demonstration, cut, parameters),
+    )
+    if (rhythm := _rhythm(cut)) is not None:
         primitive = primitive.repeated(rhythm.cycles, first=rhythm.first)
-        strokes = RhythmicSegment.of(demonstration, cut["knots"], parameters.smoothing_hz)
     if not all(map(turns, parameters.axes)):
-        point = (
-            strokes[0]
-            if strokes
-            else differentiated(demonstration.position, dt, parameters.smoothing_hz).cut(*ticks)
-        )
+        point = position
         target[:, :3] = low_pass(reach_target(point, primitive.position), dt, parameters.target_hz)
     if any(map(turns, parameters.axes)):
-        if demonstration.orientation is None or not isinstance(primitive.orientation, QuaternionPrimitive):
+        if orientation is None or not isinstance(primitive.orientation, QuaternionPrimitive):
             raise InputError(
                 f"{demonstration.name}: '{primitive.name}' needs orientations, and a turn of less than half "
                 "a circle, to learn a correction"
             )
-        turn = (
-            strokes[1]
-            if strokes
-            else differentiated_orientation(demonstration.orientation, dt, parameters.smoothing_hz).cut(
-                *ticks
-            )
-        )
+        turn = orientation
         target[:, 3:] = low_pass(orientation_target(turn, primitive.orientation), dt, parameters.target_hz)
     groups = channel_groups(demonstration, parameters.sensors)
     return CorrectedPrimitive(primitive, time, point, turn, deviating, target, groups)
@@ -291,12 +282,10 @@ def level_dataset(
     parts = []
     for number, run in enumerate(runs):
         if run.name in cuts.index:
-            time, deviation = executed_primitive(run, cuts.loc[run.name], expected, parameters.sensors)
-            groups = channel_groups(run, parameters.sensors)
-            key = (setting, number)
-            parts.append(
-                _samples(time, deviation, groups, key, parameters.rate_hz, _rhythm(cuts.loc[run.name]))
-            )
+            cut = cuts.loc[run.name]
+            time, deviation = executed_primitive(run, cut, expected, parameters.sensors)
+            groups, key = channel_groups(run, parameters.sensors), (setting, number)
+            parts.append(_samples(time, deviation, groups, key, parameters.rate_hz, _rhythm(cut)))
     return concatenated(parts)
 
 
@@ -375,6 +364,16 @@ def _ticks(demonstration: Demonstration, cut: pd.Series) -> tuple[int, int]:
     """First and last sample of a primitive."""
     first, last = (round(float(cut[end]) / demonstration.dt) for end in ("start_s", "end_s"))
     return max(first, 0), min(last, len(demonstration.time) - 1)
+
+
+def _smoothed(run: Demonstration, cut: pd.Series, parameters: CorrectionParameters) -> Segment:
+    """Smoothed position and, where recorded, orientation of one primitive in a run."""
+    if "knots" in cut:
+        return RhythmicSegment.of(run, cut["knots"], parameters.smoothing_hz)
+    ticks, how, turn = _ticks(run, cut), (run.dt, parameters.smoothing_hz), None
+    if run.orientation is not None:
+        turn = differentiated_orientation(run.orientation, *how).cut(*ticks)
+    return differentiated(run.position, *how).cut(*ticks), turn
 
 
 def _rhythm(cut: pd.Series) -> Rhythm | None:
