@@ -74,7 +74,7 @@ class Wiping:
 def felt(take, rng: np.random.Generator) -> Demonstration:
     """A take with the wrist's readings."""
     run = synchronise(as_recording(take), RATE_HZ, 0.2)
-    force = [np.interp(run.time, take.time, axis) for axis in take.force.T]
+    force = [np.interp(run.time, take.time, axis) for axis in take.contact.T]
     wrench = np.column_stack([*force, *np.zeros((3, len(run.time)))])
     return replace(run, wrench=wrench + NOISE_N * rng.standard_normal(wrench.shape))
 

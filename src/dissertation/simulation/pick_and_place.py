@@ -97,7 +97,8 @@ class Take:
     position: np.ndarray  # (T, 3) m of the fingertips
     orientation: np.ndarray  # (T, 4) w, x, y, z
     opening: np.ndarray  # (T,) m of each finger
-    force: np.ndarray  # (T, 3) N on the wrist, in the axes of the base
+    load: np.ndarray  # (T,) kg carried
+    contact: np.ndarray  # (T, 3) N of a surface on the tool, in the axes of the base
     segments: np.ndarray  # (P, 2) s, visible start and end of each move (`ONSET_SPEED`)
     planned: np.ndarray  # (P, 2) s, planned start and end, which are too slow to be visible
     seed: int  # of the set
@@ -243,7 +244,8 @@ def _take(
         position + shaken,
         quaternion.product(quaternion.from_rotation_vector(turned), DOWN),
         OPEN_M + held * (CLOSED_M - OPEN_M),
-        np.outer(-9.81 * PART_KG * (held > 0.9) * (closes < opens), [0.0, 0.0, 1.0]),
+        PART_KG * (held > 0.9) * (closes < opens),
+        np.zeros((len(time), 3)),
         np.array([move.seen for move in made]),
         np.array([(move.start, move.end) for move in made]),
         seed,
@@ -292,7 +294,7 @@ def _topics(take: Take) -> dict[str, RawMessages]:
     names, angles = joint_angles(take.position[::JOINTS_EVERY], take.orientation[::JOINTS_EVERY])
     velocities = np.gradient(angles, JOINTS_EVERY / GRID_HZ, axis=0)
     opening = np.repeat(take.opening[::GRIPPER_EVERY, None], 2, axis=1)
-    force = take.force[::JOINTS_EVERY]
+    force = np.outer(-9.81 * take.load[::JOINTS_EVERY], [0.0, 0.0, 1.0]) + take.contact[::JOINTS_EVERY]
     noise = FORCE_N * rng.standard_normal((len(force), 6)) * [1, 1, 1, 0.1, 0.1, 0.1]
     wrench = Stream("/wrist/wrench", "wrench", stamps, np.hstack([force, np.zeros_like(force)]) + noise)
     arm: dict[Kind, np.ndarray] = {"joint_positions": angles, "joint_velocities": velocities}
