@@ -69,7 +69,7 @@ class CorrectedPaths:
             return canonical.phase(_step(samples) * np.arange(samples), 1.0)
         shares = np.linspace(0.0, 1.0, samples)
         phases = [rhythmic.phase(each[1] * shares, Rhythm(*each)) for each in self.rhythms]
-        p, u = np.moveaxis(phases, 1, 0)
+        p, u = np.moveaxis(np.array(phases), 1, 0)
         return p, u
 
     def displacement(self, network: CouplingModel) -> np.ndarray:
