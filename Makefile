@@ -64,7 +64,7 @@ recorded: $(INSTALLED)  ## run the pipeline on recorded data: make recorded DATA
 # Six bags each of an invented pick-and-place task and of wiping, to try a task of your own on.
 own-example: $(INSTALLED)  ## write example bags of two simulated tasks
 	$(BIN)/python -m dissertation.simulation.pick_and_place data/example/pick
-	$(BIN)/python -m dissertation.simulation.wiping data/example/wipe
+	$(BIN)/python -m dissertation.simulation.wiping data/example/wipe data/example/wiped
 
 # Timings against public libraries, which are installed first; latency, growth and workers. Needs an idle machine.
 BENCH := reports/benchmarks

@@ -27,7 +27,7 @@ import resource
 import shutil
 import subprocess
 import tempfile
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from dataclasses import replace
 from itertools import cycle
@@ -46,9 +46,9 @@ from structlearn.feedback.cpp_export import header
 from structlearn.feedback.models.pmnn import PhaseModulatedNetwork, coupling_term
 from structlearn.feedback.runtime import Controller
 from structlearn.feedback.skill import ReactiveSkill, Workspace, on_axis
-from structlearn.primitives import canonical
-from structlearn.primitives.orientation import fit_quaternion
-from structlearn.primitives.position import fit_position
+from structlearn.primitives.orientation import fit_quaternion, fit_rhythmic_quaternion
+from structlearn.primitives.position import fit_position, fit_rhythmic_position
+from structlearn.primitives.rhythmic import Rhythm
 from structlearn.primitives.sequence import PosePrimitive
 from structlearn.primitives.vector import fit_expected_traces
 
@@ -234,13 +234,13 @@ def largest(latency: TickLatency) -> pd.DataFrame:
     return pd.DataFrame({name: values[longest] for name, values in columns.items()})
 
 
-def tick() -> Case:
-    """The row of the table; coupling terms are held against the network as in the text."""
-    controller, samples = started(), np.random.default_rng(0).normal(0.0, 10.0, (1000, NETWORK[0]))
+def tick(rhythm: Rhythm | None = None) -> Case:
+    """A row of the table; coupling terms are held against the network as in the text."""
+    controller, samples = started(rhythm), np.random.default_rng(0).normal(0.0, 10.0, (1000, NETWORK[0]))
     due = cycle(list(samples))
     return Case(
-        work=f"controller's tick, one in each {1e3 / RATE_HZ:g} ms",
-        ours=Contender(lambda: controller.tick(next(due)), lambda _: coupling_error(started())),
+        work=f"controller's tick{' of strokes' if rhythm else ''}, one in each {1e3 / RATE_HZ:g} ms",
+        ours=Contender(lambda: controller.tick(next(due)), lambda _: coupling_error(started(rhythm))),
         tolerance=SAME,
         note=f"as a robot has it, after sleeping, with a {'-'.join(map(str, NETWORK))} network; `again`: a "
         "second one at once; percentiles below the table",
@@ -248,9 +248,9 @@ def tick() -> Case:
     )
 
 
-def started() -> Controller:
+def started(rhythm: Rhythm | None) -> Controller:
     """A controller of long movements, at their start."""
-    controller = Controller(skill(), RATE_HZ, durations=[LONG_S] * 3)
+    controller = Controller(skill(rhythm), RATE_HZ, durations=[LONG_S] * 3)
     first = controller.skill.primitives[0]
     assert first.orientation is not None
     controller.start(first.position.start, first.orientation.start)
@@ -260,24 +260,26 @@ def started() -> Controller:
 def coupling_error(controller: Controller) -> float:
     """Largest deviation of coupling terms from the network's equations, relative to their bound."""
     network, bound = controller.skill.networks["first"]["ry"], controller.skill.limits.of(("ry",), 1.0)[0, 0]
-    worst, tau = 0.0, canonical.time_constant(LONG_S)
+    worst, movement = 0.0, controller.skill.primitives[0].position.local
     for k in range(1000):
         controller.tick(10.0 * np.sin(1e-3 * k + np.arange(NETWORK[0])))
         if k >= SETTLED:  # the offset is known, and the bound of the change is left behind
-            p, u = canonical.phase(controller.time, tau)
+            p, u = movement.phase(np.array(controller.time / movement.time_constant(LONG_S)))
             wanted = coupling_term(network, controller.deviation, p, u)
             worst = max(worst, abs(np.clip(wanted, -bound, bound) - controller.coupling[0]))
     return worst / bound
 
 
-def skill() -> ReactiveSkill:
+def skill(rhythm: Rhythm | None = None) -> ReactiveSkill:
     """Three primitives with networks of the text's size; what they do does not matter here."""
     rng = np.random.default_rng(SEED)
     names = ("first", "second", "third")
-    point, turn = fit_position(demonstrations(1)), fit_quaternion([orientation_demonstration(1.0)])
+    paths, turns, rhythms = demonstrations(1), [orientation_demonstration(1.0)], [rhythm] if rhythm else []
+    point = fit_rhythmic_position(paths, rhythms) if rhythm else fit_position(paths)
+    turn = fit_rhythmic_quaternion(turns, rhythms) if rhythm else fit_quaternion(turns)
     return ReactiveSkill(
         primitives=[PosePrimitive(name, point, turn) for name in names],
-        expected={name: fit_expected_traces([_trace(rng)], DT, 25.0) for name in names},
+        expected={name: fit_expected_traces([_trace(rng)], DT, 25.0, rhythms) for name in names},
         networks=on_axis({name: _network(rng) for name in names}, "ry"),
     )
 
@@ -299,7 +301,7 @@ def _network(rng: np.random.Generator) -> PhaseModulatedNetwork:
     )
 
 
-CASES = (tick,)
+CASES: tuple[Callable[[], Case], ...] = (tick, lambda: tick(Rhythm(0.0, 2.0)))
 
 
 if __name__ == "__main__":

@@ -11,6 +11,7 @@ import numpy as np
 
 from structlearn.core import quaternion, signals
 from structlearn.primitives import kernels
+from structlearn.primitives.rhythmic import Rhythm
 from structlearn.primitives.trajectory import OrientationTrajectory, Trajectory
 
 SEED = 4
@@ -45,6 +46,25 @@ def demonstrations(count: int, lengths: Sequence[int] | None = None) -> list[Tra
         ]
         paths.append(Trajectory(DT * np.arange(length), *derivatives))
     return paths
+
+
+STROKES = (3, 4, 5)
+
+
+def stroke_demonstrations() -> tuple[list[Trajectory], list[Rhythm]]:
+    """Minimum-jerk strokes to and fro, `STROKES` of them in `SAMPLES`, with exact derivatives."""
+    stroke = np.polynomial.Polynomial([0, 0, 0, 10, -15, 6])
+    paths = []
+    for number in STROKES:
+        share = number * np.linspace(0.0, 1.0, SAMPLES)
+        place = np.minimum(share.astype(int), number - 1)
+        rate, back = number / (DT * (SAMPLES - 1)), 1.0 - 2.0 * (place % 2)
+        curves = [back * rate**order * stroke.deriv(order)(share - place) for order in range(3)]
+        curves[0] += place % 2
+        paths.append(
+            Trajectory(DT * np.arange(SAMPLES), *(curve[:, None] * [0.02, 0.2, 0.0] for curve in curves))
+        )
+    return paths, [Rhythm(0.0, number / 2.0) for number in STROKES]
 
 
 def orientation_demonstration(turn: float) -> OrientationTrajectory:

@@ -20,10 +20,12 @@ from primitive_inputs import (
     DT,
     NETWORK,
     SAMPLES,
+    STROKES,
     CouplingNetwork,
     demonstrations,
     orientation_demonstration,
     path_error,
+    stroke_demonstrations,
     turn_error,
 )
 from timing import Case, Contender
@@ -35,7 +37,7 @@ from structlearn.primitives.kernels import KERNEL_COUNT
 from structlearn.primitives.orientation import QuaternionPrimitive, fit_quaternion
 from structlearn.primitives.trajectory import Trajectory
 from structlearn.primitives.twist_swing import fit_twist_swing
-from structlearn.primitives.vector import VectorPrimitive, fit_vector
+from structlearn.primitives.vector import VectorPrimitive, fit_rhythmic, fit_vector
 
 DEMONSTRATIONS, BATCH = 11, 38
 CUTOFF_HZ = 25.0
@@ -274,6 +276,34 @@ def twist_swing_unroll() -> Case:
     )
 
 
+def rhythmic_fit() -> Case:
+    """Weights of a rhythmic primitive from demonstrations with different numbers of strokes."""
+    paths, rhythms = stroke_demonstrations()
+    return Case(
+        work=f"rhythmic fit {len(paths)} x {SAMPLES} x {AXES}",
+        ours=Contender(lambda: fit_rhythmic(paths, rhythms), _stroke_error),
+        note=f"{', '.join(map(str, STROKES))} strokes; with the features of each demonstration",
+    )
+
+
+def rhythmic_unroll() -> Case:
+    """Unroll of a rhythmic primitive."""
+    primitive = fit_rhythmic(*stroke_demonstrations())
+    return Case(
+        work=f"rhythmic unroll {SAMPLES} x {AXES}",
+        ours=Contender(lambda: primitive.unroll(DT), lambda _: _stroke_error(primitive)),
+        note="with its features, which other lengths do not share",
+    )
+
+
+def _stroke_error(primitive: VectorPrimitive) -> float:
+    """Error of the movement with the median number of strokes, which takes as long as all."""
+    paths, rhythms = stroke_demonstrations()
+    median = paths[1]
+    repeated = primitive.repeated(rhythms[1].cycles)
+    return path_error(repeated.unroll(DT, duration=median.duration).position, median.position)
+
+
 def _fitted_batch(paths: Sequence[Trajectory]) -> VectorPrimitive:
     """Primitive with one set of weights per demonstration; start and goal are common to all."""
     weights = np.stack([fit_vector([path]).weights for path in paths])
@@ -297,4 +327,6 @@ CASES: tuple[Callable[[], Case], ...] = (
     quaternion_fit,
     quaternion_unroll,
     twist_swing_unroll,
+    rhythmic_fit,
+    rhythmic_unroll,
 )

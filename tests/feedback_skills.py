@@ -1,15 +1,19 @@
 """Skills with made-up networks and sensors that the tests of the controller share."""
 
+from dataclasses import replace
 from itertools import pairwise
 
 import numpy as np
 from primitives_movements import reach, wobbly_turn
 
+from structlearn.core import quaternion
 from structlearn.feedback.models.pmnn import PhaseModulatedNetwork
 from structlearn.feedback.skill import Limits, ReactiveSkill
-from structlearn.primitives.orientation import fit_quaternion
-from structlearn.primitives.position import fit_position
+from structlearn.primitives.orientation import fit_quaternion, fit_rhythmic_quaternion
+from structlearn.primitives.position import fit_position, fit_rhythmic_position
+from structlearn.primitives.rhythmic import Rhythm
 from structlearn.primitives.sequence import PosePrimitive
+from structlearn.primitives.trajectory import differentiated, differentiated_orientation
 from structlearn.primitives.vector import fit_expected_traces
 
 NAMES = ("down", "tilt", "scrape")
@@ -48,3 +52,27 @@ def random_skill(rng, networks=None, channels=6, turned=True, limits=CAUTIOUS):
         swing = np.sin(np.linspace(0.0, 3.0, 60)[:, None] * rng.uniform(0.5, 2.0, channels))
         expected[name] = fit_expected_traces([20.0 * swing], DEMONSTRATED_DT, 25.0)
     return ReactiveSkill(primitives, expected, networks or {}, limits)
+
+
+def random_strokes(rng, networks=None, channels=6, cycles=2.0):
+    """As `random_skill`, with strokes to and fro instead of `tilt`, which the traces accompany."""
+    skill = random_skill(rng, channels=channels)
+    before, after = skill.primitives[0], skill.primitives[2]
+    rhythm, period = Rhythm(0.0, 1.5), rng.uniform(0.4, 0.7)
+    share = np.arange(round(1.5 * period / DEMONSTRATED_DT) + 1)[:, None] * DEMONSTRATED_DT / period
+    side = 0.5 - 0.5 * np.cos(2.0 * np.pi * share)
+    point = differentiated(before.position.goal + side * (POINTS[2] - POINTS[1]), DEMONSTRATED_DT, 20.0)
+    turns = quaternion.from_rotation_vector(side * rng.uniform(-0.2, 0.2, 3))
+    turned = quaternion.product(turns, before.orientation.goal)
+    turning = differentiated_orientation(turned, DEMONSTRATED_DT, 20.0)
+    swing = 20.0 * np.sin(2.0 * np.pi * share) * rng.uniform(-1.0, 1.0, channels)
+    strokes = PosePrimitive(
+        "tilt", fit_rhythmic_position([point], [rhythm]), fit_rhythmic_quaternion([turning], [rhythm])
+    )
+    traces = fit_expected_traces([swing], DEMONSTRATED_DT, 25.0, [rhythm])
+    return replace(
+        skill,
+        primitives=[before, strokes.repeated(cycles), after],
+        expected=skill.expected | {"tilt": traces},
+        networks=networks or {},
+    )

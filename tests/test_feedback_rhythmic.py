@@ -101,7 +101,9 @@ def test_the_file_keeps_the_rhythm(skill, tmp_path):
     np.testing.assert_array_equal(ticked(started(again)), ticked(started(skill)))
 
 
-@pytest.mark.parametrize("rhythm", [[0.0, 0.0], [0.0, np.nan], [0.0, 1e9], [0.0, 1.0, 2.0]])
+@pytest.mark.parametrize(
+    "rhythm", [[0.0, 0.0], [0.0, 1e-300], [0.0, np.nan], [np.nan, 1.0], [0.0, 1e9], [0.0, 1.0, 2.0]]
+)
 def test_a_damaged_rhythm_is_refused(skill, tmp_path, rhythm):
     path = tmp_path / "skill.safetensors"
     write_skill(skill, path, {})

@@ -197,6 +197,8 @@ def view(given: argparse.Namespace) -> None:
 def export(given: argparse.Namespace) -> None:
     """Write the demonstrations of a task as a LeRobotDataset (v3.0), or its skill as a C++ header."""
     if given.cpp:
+        if unused := [name for name in ("fps", "words", "robot") if getattr(given, name) is not None]:
+            raise InputError(f"--{unused[0]} is of a LeRobotDataset, not of a C++ header (--cpp)")
         return export_cpp(given)
     from structlearn.tasks.movement.lerobot_export import write_lerobot
     from structlearn.tasks.movement.parameters import MovementEntry

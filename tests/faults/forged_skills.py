@@ -7,11 +7,11 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from feedback_skills import random_network, random_skill
+from feedback_skills import random_network, random_skill, random_strokes
 
 from structlearn.core.artefacts import read_description, read_tensors, write_tensors
 from structlearn.feedback.runtime import Controller
-from structlearn.feedback.skill import demonstrated_workspace
+from structlearn.feedback.skill import Networks, ReactiveSkill, demonstrated_workspace
 from structlearn.feedback.skill_file import KIND, read_skill, write_skill
 
 STATE = ("position", "velocity", "acceleration", "orientation", "angular_velocity", "angular_acceleration")
@@ -23,7 +23,20 @@ WORDS: tuple[Any, ...] = (None, True, -1, 0, 99, 1e300, "", "x", "../x", [], {},
 def write(path: Path) -> None:
     """A skill of three primitives, one of them with feedback on two axes."""
     rng = np.random.default_rng(0)
-    skill = random_skill(rng, {"tilt": {"z": random_network(rng), "rx": random_network(rng, size=10.0)}})
+    _write(random_skill(rng, _networks(rng)), path)
+
+
+def write_strokes(path: Path) -> None:
+    """The same, with feedback on strokes."""
+    rng = np.random.default_rng(0)
+    _write(random_strokes(rng, _networks(rng)), path)
+
+
+def _networks(rng: np.random.Generator) -> Networks:
+    return {"tilt": {"z": random_network(rng), "rx": random_network(rng, size=10.0)}}
+
+
+def _write(skill: ReactiveSkill, path: Path) -> None:
     paths = [primitive.position.unroll(0.01).position for primitive in skill.primitives]
     vars(skill)["workspace"] = demonstrated_workspace(paths, 0.05)
     write_skill(skill, path, {"bags": {}, "parameters": "", "version": "0"})

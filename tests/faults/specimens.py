@@ -133,8 +133,11 @@ def _episodes(path: Path) -> list:
 
 
 def _tasks(path: Path) -> None:
-    move = {"name": "move", "axis": "z", "threshold_m_s": 0.02}
-    own_tasks(path.parent, reach={"source": "x", "topics": {"pose": "/p"}, "segment": {"primitives": [move]}})
+    moves = [{"name": "move", "axis": "z", "threshold_m_s": 0.02}, {"name": "wipe", "axis": "strokes"}]
+    entry = {"source": "x", "topics": {"pose": "/p", "wrench": "/w"}, "segment": {"primitives": moves}}
+    feedback = {"executions": "y", "corrections": "z", "settings": [5], "primitives": ["wipe"]}
+    entry["feedback"] = feedback | {"axes": ["z"], "sensors": ["wrench"]}
+    own_tasks(path.parent, reach=entry)
 
 
 def _taken(path: Path) -> Any:
@@ -160,6 +163,7 @@ SIGNED = {
         lambda path: write_primitives(scraping_skill().primitives, path), read_primitives
     ),
     "skill.safetensors": (forged_skills.write, forged_skills.run),
+    "strokes.safetensors": (forged_skills.write_strokes, forged_skills.run),
     "table.parquet": (_table, read_table),
 }  # fmt: skip
 UNSIGNED = {
@@ -207,6 +211,10 @@ SPECIMENS = {
     for names, both in files.items()
     for name in names.split(", ")
 }
-SPECIMENS["forged.safetensors"] = Specimen(
-    "forged.safetensors", forged_skills.write, forged_skills.run, False, forged_skills.forged
-)
+SPECIMENS |= {
+    name: Specimen(name, write, forged_skills.run, False, forged_skills.forged)
+    for name, write in (
+        ("forged.safetensors", forged_skills.write),
+        ("forged-strokes.safetensors", forged_skills.write_strokes),
+    )
+}

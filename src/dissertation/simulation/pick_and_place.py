@@ -2,7 +2,7 @@
 
 A person guiding a Franka Panda makes each demonstration, a few moves in space with pauses in between;
 durations, starts, goals and paths vary. Motion capture records the gripper pose, the arm its joints, the
-gripper its fingers, the wrist the carried weight, each on its own clock.
+gripper its fingers, the wrist the force on it, each on its own clock.
 
 Difficulties are added on request: a twitch that belongs to no move, a hesitation within a move, a missing
 move. `make own-example` writes six bags without.
@@ -98,6 +98,7 @@ class Take:
     orientation: np.ndarray  # (T, 4) w, x, y, z
     opening: np.ndarray  # (T,) m of each finger
     load: np.ndarray  # (T,) kg carried
+    contact: np.ndarray  # (T, 3) N of a surface on the tool, in the axes of the base
     segments: np.ndarray  # (P, 2) s, visible start and end of each move (`ONSET_SPEED`)
     planned: np.ndarray  # (P, 2) s, planned start and end, which are too slow to be visible
     seed: int  # of the set
@@ -244,6 +245,7 @@ def _take(
         quaternion.product(quaternion.from_rotation_vector(turned), DOWN),
         OPEN_M + held * (CLOSED_M - OPEN_M),
         PART_KG * (held > 0.9) * (closes < opens),
+        np.zeros((len(time), 3)),
         np.array([move.seen for move in made]),
         np.array([(move.start, move.end) for move in made]),
         seed,
@@ -292,7 +294,7 @@ def _topics(take: Take) -> dict[str, RawMessages]:
     names, angles = joint_angles(take.position[::JOINTS_EVERY], take.orientation[::JOINTS_EVERY])
     velocities = np.gradient(angles, JOINTS_EVERY / GRID_HZ, axis=0)
     opening = np.repeat(take.opening[::GRIPPER_EVERY, None], 2, axis=1)
-    force = np.outer(-9.81 * take.load[::JOINTS_EVERY], [0.0, 0.0, 1.0])
+    force = np.outer(-9.81 * take.load[::JOINTS_EVERY], [0.0, 0.0, 1.0]) + take.contact[::JOINTS_EVERY]
     noise = FORCE_N * rng.standard_normal((len(force), 6)) * [1, 1, 1, 0.1, 0.1, 0.1]
     wrench = Stream("/wrist/wrench", "wrench", stamps, np.hstack([force, np.zeros_like(force)]) + noise)
     arm: dict[Kind, np.ndarray] = {"joint_positions": angles, "joint_velocities": velocities}

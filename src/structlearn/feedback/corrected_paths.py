@@ -7,7 +7,7 @@ the coupling dataset. `training.pmnn` trains a network to follow such paths.
 
 The transformation system is linear in c, so a coupling term (held over each step) adds a sum of responses to
 a movement. These depend on dt / tau alone: with T samples in normalised time, all movements share one matrix,
-whatever their durations.
+whatever their durations; those of a rhythmic primitive, one for each number of cycles.
 
 For positions, and for rotations about one fixed axis, this is exact. Otherwise rotations do not commute: a
 correction of 10 degrees about a fixed axis, on top of a nominal movement of 1, 4 and 10 degrees about other
@@ -29,7 +29,8 @@ from structlearn.core.errors import InputError
 from structlearn.core.signals import time_normalised
 from structlearn.feedback.coupling_dataset import CouplingDataset
 from structlearn.feedback.coupling_model import CouplingModel
-from structlearn.primitives import canonical, transformation
+from structlearn.primitives import canonical, rhythmic, transformation
+from structlearn.primitives.rhythmic import Rhythm
 from structlearn.primitives.transformation import ALPHA, BETA, step_matrix
 from structlearn.readers.source import setting_label
 
@@ -50,18 +51,35 @@ class CorrectedPaths:
     correction: np.ndarray
     setting: np.ndarray  # (L,) degrees of board roll, or labels
     demonstration: np.ndarray  # (L,) number within the setting
+    rhythms: np.ndarray  # (L, 2) `Rhythm` of each, NaN of a discrete primitive
 
     @property
     def response(self) -> np.ndarray:
-        """(T, T) response matrix: shift or rotation over time per held coupling term."""
+        """Response matrix (T, T), or (L, T, T) of strokes: shift or rotation over time per coupling term."""
         samples = self.target.shape[1]
-        return coupling_response(samples, _step(samples))
+        if self._is_discrete:
+            return coupling_response(samples, _step(samples))
+        return np.array([coupling_response(samples, _step(samples, Rhythm(*each))) for each in self.rhythms])
 
     @property
     def phase(self) -> tuple[np.ndarray, np.ndarray]:
-        """Phase and phase velocity (T,) of the samples."""
+        """Phase and phase velocity of the samples: (T,), or (L, T) of strokes."""
         samples = self.target.shape[1]
-        return canonical.phase(_step(samples) * np.arange(samples), 1.0)
+        if self._is_discrete:
+            return canonical.phase(_step(samples) * np.arange(samples), 1.0)
+        shares = np.linspace(0.0, 1.0, samples)
+        phases = [rhythmic.phase(each[1] * shares, Rhythm(*each)) for each in self.rhythms]
+        p, u = np.moveaxis(np.array(phases), 1, 0)
+        return p, u
+
+    def displacement(self, network: CouplingModel) -> np.ndarray:
+        """Offset (L, T), m or rad, that a network's coupling terms add, given the recorded sensors."""
+        terms, response = network.coupling(self.deviation, *self.phase), self.response
+        return terms @ response.T if self._is_discrete else (response @ terms[..., None])[..., 0]
+
+    @property
+    def _is_discrete(self) -> bool:
+        return bool(np.isnan(self.rhythms).any())
 
     def where(self, mask: np.ndarray) -> Self:
         """Demonstrations selected by a mask (L,) or by indices."""
@@ -76,12 +94,13 @@ def corrected_paths(dataset: CouplingDataset, samples: int) -> CorrectedPaths:
     end of the primitive.
     """
     keys = sorted(set(zip(dataset.setting.tolist(), dataset.demonstration.tolist(), strict=True)))
-    normalised = []
+    normalised, rhythms = [], []
     for setting, number in keys:
         chosen = np.flatnonzero((dataset.setting == setting) & (dataset.demonstration == number))
         rows = dataset.where(chosen[np.argsort(dataset.time[chosen], kind="stable")])
         _check_whole_movement(rows, f"setting {setting_label(setting)}, demonstration {number}")
-        columns = np.column_stack([rows.target, _correction(rows.target), rows.deviation])
+        rhythms.append(None if rows.cycle is None else Rhythm(rows.cycle[0], float(np.ptp(rows.cycle))))
+        columns = np.column_stack([rows.target, _correction(rows.target, rhythms[-1]), rows.deviation])
         normalised.append(time_normalised(columns, samples))
     paths = np.array(normalised)  # (L, T, 2 + D)
     return CorrectedPaths(
@@ -90,13 +109,13 @@ def corrected_paths(dataset: CouplingDataset, samples: int) -> CorrectedPaths:
         correction=paths[..., 1],
         setting=np.array([setting for setting, _ in keys]),
         demonstration=np.array([number for _, number in keys]),
+        rhythms=np.array([rhythm or (np.nan, np.nan) for rhythm in rhythms]),
     )
 
 
 def unrolled_error(network: CouplingModel, paths: CorrectedPaths) -> np.ndarray:
     """RMS distance (L,), m or rad, between unrolled and demonstrated path, given the recorded sensors."""
-    unrolled = network.coupling(paths.deviation, *paths.phase) @ paths.response.T
-    return np.sqrt(np.mean((unrolled - paths.correction) ** 2, axis=1))
+    return np.sqrt(np.mean((paths.displacement(network) - paths.correction) ** 2, axis=1))
 
 
 def path_errors(
@@ -161,17 +180,24 @@ def coupling_response(samples: int, step: float) -> np.ndarray:
     return response
 
 
-def _correction(target: np.ndarray) -> np.ndarray:
+def _correction(target: np.ndarray, rhythm: Rhythm | None) -> np.ndarray:
     """Offset (T, 1) in m or rad that a coupling target (T,), linear between samples, adds to a movement."""
-    return transformation.unroll(np.zeros(1), np.zeros(1), target[:, None], _step(len(target)), 1.0).position
+    step = _step(len(target), rhythm)
+    return transformation.unroll(np.zeros(1), np.zeros(1), target[:, None], step, 1.0).position
 
 
-def _step(samples: int) -> float:
+def _step(samples: int, rhythm: Rhythm | None = None) -> float:
     """Dimensionless step dt / tau of a whole movement with this many samples."""
+    if rhythm is not None:
+        return rhythm.cycles / (samples - 1)
     return 1.0 / (canonical.TAU_PER_DURATION * (samples - 1))
 
 
 def _check_whole_movement(rows: CouplingDataset, name: str) -> None:
-    expected, _ = canonical.phase(np.linspace(0.0, 1.0, len(rows.phase)), canonical.TAU_PER_DURATION)
-    if len(rows.phase) < 3 or np.abs(rows.phase - expected).max() > PHASE_TOLERANCE:
+    progress = np.linspace(0.0, 1.0, len(rows.phase))
+    if rows.cycle is None:
+        found, (expected, _) = rows.phase, canonical.phase(progress, canonical.TAU_PER_DURATION)
+    else:
+        found, expected = rows.cycle, rows.cycle[0] + progress * np.ptp(rows.cycle)
+    if len(rows.phase) < 3 or np.abs(found - expected).max() > PHASE_TOLERANCE:
         raise InputError(f"{name}: not on a uniform clock from the start to the end of the primitive")

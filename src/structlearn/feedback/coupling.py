@@ -17,7 +17,7 @@ import numpy as np
 
 from structlearn.core.errors import InputError
 from structlearn.core.frames import local_frame
-from structlearn.primitives import canonical, orientation, transformation
+from structlearn.primitives import orientation, transformation
 from structlearn.primitives.orientation import QuaternionPrimitive
 from structlearn.primitives.position import PositionPrimitive, from_start
 from structlearn.primitives.trajectory import OrientationTrajectory, Trajectory
@@ -52,11 +52,11 @@ def position_target(
     `path`: (T, D) in the primitive's coordinates. `goal`: (D,) steady goal; default: the primitive's.
     """
     goal = primitive.goal if goal is None else goal
-    tau = canonical.time_constant(path.duration)
+    tau = primitive.time_constant(path.duration)
     x, xd, xdd = path.position, path.velocity, path.acceleration
-    first = transformation.initial_goal(x[0], xd[0], xdd[0], tau)
-    g = transformation.goal_path(goal, first, path.time, tau)
     forcing = primitive.forcing(path.time, x[0], goal, path.duration)
+    first = transformation.initial_goal(x[0], xd[0], xdd[0], tau, forcing[0])
+    g = transformation.goal_path(goal, first, path.time, tau)
     attraction = transformation.ALPHA * (transformation.BETA * (g - x) - tau * xd)
     return tau**2 * xdd - attraction - forcing
 
@@ -87,6 +87,7 @@ def orientation_target(
     It is 0 at the first sample. `path`: (T, 4) orientations. `goal`: (4,) steady goal; default: the
     primitive's.
     """
-    goal, tau = primitive.goal if goal is None else goal, canonical.time_constant(path.duration)
-    forcing = primitive.forcing(path.time, path.duration)
-    return orientation.forcing_target(path, tau, goal) - forcing
+    goal, tau = primitive.goal if goal is None else goal, primitive.time_constant(path.duration)
+    weights = primitive.weights_towards(path.orientation[0], goal)
+    forcing = primitive.features_at(path.time, path.duration) @ weights
+    return orientation.forcing_target(path, tau, goal, forcing[0]) - forcing

@@ -36,6 +36,8 @@ class CouplingDataset:
     demonstration: np.ndarray  # (S,) number of the demonstration within its setting, from 0
     time: np.ndarray  # (S,) s since the primitive's start
     groups: tuple[int, ...] = ()  # sizes of groups of adjacent channels with one unit; empty: a single group
+    # (S,) cycles since the phase of a rhythmic primitive was 0; its demonstrations make any number of them
+    cycle: np.ndarray | None = None
 
     def modulation(self, kernel_count: int = kernels.KERNEL_COUNT) -> np.ndarray:
         """Phase features G(p, u), (S, N)."""
@@ -43,17 +45,21 @@ class CouplingDataset:
 
     def where(self, mask: np.ndarray) -> Self:
         """Samples selected by a mask (S,) or by indices."""
-        return replace(self, **{name: getattr(self, name)[mask] for name in COLUMNS})
+        return replace(self, **{name: getattr(self, name)[mask] for name in _columns(self)})
 
 
-COLUMNS = tuple(field.name for field in fields(CouplingDataset) if field.name != "groups")
+COLUMNS = tuple(field.name for field in fields(CouplingDataset) if field.name not in ("groups", "cycle"))
 """Fields with one value per sample."""
+
+
+def _columns(dataset: CouplingDataset) -> tuple[str, ...]:
+    return COLUMNS if dataset.cycle is None else (*COLUMNS, "cycle")
 
 
 def concatenated(parts: Sequence[CouplingDataset]) -> CouplingDataset:
     """Concatenation of datasets with the same channels."""
     columns: dict[str, Any] = {
-        name: np.concatenate([getattr(part, name) for part in parts]) for name in COLUMNS
+        name: np.concatenate([getattr(part, name) for part in parts]) for name in _columns(parts[0])
     }
     return replace(parts[0], **columns)
 
@@ -72,7 +78,8 @@ def to_axes_table(datasets: Mapping[Axis, CouplingDataset]) -> pd.DataFrame:
     """One row per sample for the datasets of one primitive on several axes.
 
     Columns: `setting` (a label), `demonstration`, `time_s`, `phase`, `phase_velocity`, `target_<axis>`, and
-    the deviation of each channel: `channel_00`, ... in the first group, `channel_<group>_00`, ... in others.
+    the deviation of each channel: `channel_00`, ... in the first group, `channel_<group>_00`, ... in others;
+    `cycle` if the primitive is rhythmic.
     """
     first = next(iter(datasets.values()))
     keys = {"setting": first.setting.astype(str).astype(object)}
@@ -101,7 +108,8 @@ def _table(
         for index in range(count)
     ]
     channels = dict(zip(names, dataset.deviation.T, strict=True))
-    return pd.DataFrame({**keys, **times, **phases, **targets, **channels})
+    cycle = {} if dataset.cycle is None else {"cycle": dataset.cycle}
+    return pd.DataFrame({**keys, **times, **phases, **cycle, **targets, **channels})
 
 
 def _dataset(table: pd.DataFrame, setting: str, target: str) -> CouplingDataset:
@@ -117,6 +125,7 @@ def _dataset(table: pd.DataFrame, setting: str, target: str) -> CouplingDataset:
         demonstration=table["demonstration"].to_numpy(int),
         time=table["time_s"].to_numpy(float),
         groups=groups if len(groups) > 1 else (),
+        cycle=table["cycle"].to_numpy(float) if "cycle" in table else None,
     )
 
 

@@ -2,6 +2,9 @@
 
 All signals of a demonstration are on one clock (`readers.clock`): poses are recorded at 300 Hz, electrodes at
 100 Hz. The data are thinned to the sensor's rate, since samples in between would be interpolated duplicates.
+
+Of a rhythmic primitive, every demonstration makes its own number of cycles, each of which takes equally long
+once time is stretched (`fitting.even_times`); its nominal movement and expected traces make as many.
 """
 
 from collections.abc import Mapping, Sequence
@@ -19,8 +22,10 @@ from structlearn.core.params import Parameters
 from structlearn.core.signals import low_pass
 from structlearn.feedback.coupling import AXES, Axis, direction, orientation_target, reach_target, turns
 from structlearn.feedback.coupling_dataset import CouplingDataset, concatenated
-from structlearn.primitives import canonical
+from structlearn.primitives import canonical, rhythmic
+from structlearn.primitives.fitting import RhythmicSegment, Segment, even_times, rhythm_of
 from structlearn.primitives.orientation import QuaternionPrimitive
+from structlearn.primitives.rhythmic import Rhythm
 from structlearn.primitives.sequence import PosePrimitive
 from structlearn.primitives.trajectory import (
     OrientationTrajectory,
@@ -35,7 +40,7 @@ from structlearn.readers.demonstration import Demonstration
 Setting = TypeVar("Setting", float, str)
 
 Cuts = Mapping[str, pd.DataFrame]
-"""Segments by primitive: index demonstration, columns `start_s` and `end_s`."""
+"""Segments by primitive: index demonstration, columns `start_s`, `end_s`; `knots` if it is rhythmic."""
 
 
 class ExpectedTracesParameters(Parameters):
@@ -104,20 +109,20 @@ def learn_expected(
     vector primitive with one dimension per channel. Raises InputError: a run lacks a sensor's stream.
     """
     traces = {run.name: without_offset(sensor_readings(run, sensors)) for run in runs}
-    return {
-        name: fit_expected_traces(
-            [_part(traces[run.name], run, table.loc[run.name]) for run in runs if run.name in table.index],
-            runs[0].dt,
-            smoothing_hz,
-        )
-        for name, table in cuts.items()
-    }
+    learned = {}
+    for name, table in cuts.items():
+        own = [(run, table.loc[run.name]) for run in runs if run.name in table.index]
+        parts = [_part(traces[run.name], run, cut) for run, cut in own]
+        rhythms = [rhythm for _, cut in own if (rhythm := _rhythm(cut)) is not None]
+        learned[name] = fit_expected_traces(parts, runs[0].dt, smoothing_hz, rhythms)
+    return learned
 
 
 @dataclass(frozen=True)
 class CorrectedPrimitive:
     """One primitive in one corrected demonstration; a path is None if none of its axes are corrected."""
 
+    nominal: PosePrimitive  # with the demonstration's number of cycles
     time: np.ndarray  # (T,) s since the primitive's start
     point: Trajectory | None  # (T, 3) corrected position, smoothed
     turn: OrientationTrajectory | None  # (T, 4) corrected orientation, smoothed
@@ -138,22 +143,27 @@ def corrected_primitive(
     `cut`: `start_s` and `end_s` of the primitive. Raises InputError: the orientation or a sensor's stream is
     missing, or the primitive turns by more than half a circle.
     """
-    dt, ticks = demonstration.dt, _ticks(demonstration, cut)
+    dt, point, turn = demonstration.dt, None, None
     time, deviating = executed_primitive(demonstration, cut, expected, parameters.sensors)
-    target, point, turn = np.zeros((len(time), len(AXES))), None, None
+    target, (position, orientation) = (
+        np.zeros((len(time), len(AXES))),
+        _smoothed(demonstration, cut, parameters),
+    )
+    if (rhythm := _rhythm(cut)) is not None:
+        primitive = primitive.repeated(rhythm.cycles, first=rhythm.first)
     if not all(map(turns, parameters.axes)):
-        point = differentiated(demonstration.position, dt, parameters.smoothing_hz).cut(*ticks)
+        point = position
         target[:, :3] = low_pass(reach_target(point, primitive.position), dt, parameters.target_hz)
     if any(map(turns, parameters.axes)):
-        if demonstration.orientation is None or not isinstance(primitive.orientation, QuaternionPrimitive):
+        if orientation is None or not isinstance(primitive.orientation, QuaternionPrimitive):
             raise InputError(
                 f"{demonstration.name}: '{primitive.name}' needs orientations, and a turn of less than half "
                 "a circle, to learn a correction"
             )
-        turn = differentiated_orientation(demonstration.orientation, dt, parameters.smoothing_hz).cut(*ticks)
+        turn = orientation
         target[:, 3:] = low_pass(orientation_target(turn, primitive.orientation), dt, parameters.target_hz)
     groups = channel_groups(demonstration, parameters.sensors)
-    return CorrectedPrimitive(time, point, turn, deviating, target, groups)
+    return CorrectedPrimitive(primitive, time, point, turn, deviating, target, groups)
 
 
 def executed_primitive(
@@ -170,6 +180,8 @@ def executed_primitive(
             f"{run.name}: has {trace.shape[1]} channels of {' and '.join(sensors)}, the expected traces have "
             f"{len(expected.start)}"
         )
+    if (rhythm := _rhythm(cut)) is not None:
+        expected = expected.repeated(rhythm.cycles, first=rhythm.first)
     return run.dt * np.arange(len(trace)), deviation(expected, trace, run.dt)
 
 
@@ -241,7 +253,7 @@ def coupling_dataset(
             parts.append(coupling_samples(corrected, setting, number, parameters))
             key = "setting" if isinstance(setting, str) else "setting_deg"
             keys = {key: setting, "demonstration": number, "name": run.name}
-            checks.append(keys | _checks(corrected, run, cut, primitive, parameters.axes))
+            checks.append(keys | _checks(corrected, run, cut, parameters.axes))
     if not parts:
         raise InputError(f"'{primitive.name}' was cut in none of the corrected demonstrations")
     datasets = {axis: concatenated([part[axis] for part in parts]) for axis in parameters.axes}
@@ -253,7 +265,8 @@ def coupling_samples(
 ) -> dict[Axis, CouplingDataset]:
     """Supervised data of each axis from one corrected primitive; `setting`: in degrees, or a label."""
     readings = corrected.time, corrected.deviation, corrected.groups
-    uncorrected = _samples(*readings, (setting, number), parameters.rate_hz)
+    rhythm = corrected.nominal.rhythm
+    uncorrected = _samples(*readings, (setting, number), parameters.rate_hz, rhythm)
     targets = corrected.target[thinned(corrected.time, parameters.rate_hz)]
     return {axis: replace(uncorrected, target=targets[:, AXES.index(axis)]) for axis in parameters.axes}
 
@@ -269,9 +282,10 @@ def level_dataset(
     parts = []
     for number, run in enumerate(runs):
         if run.name in cuts.index:
-            time, deviation = executed_primitive(run, cuts.loc[run.name], expected, parameters.sensors)
-            groups = channel_groups(run, parameters.sensors)
-            parts.append(_samples(time, deviation, groups, (setting, number), parameters.rate_hz))
+            cut = cuts.loc[run.name]
+            time, deviation = executed_primitive(run, cut, expected, parameters.sensors)
+            groups, key = channel_groups(run, parameters.sensors), (setting, number)
+            parts.append(_samples(time, deviation, groups, key, parameters.rate_hz, _rhythm(cut)))
     return concatenated(parts)
 
 
@@ -286,23 +300,29 @@ def _samples(
     groups: tuple[int, ...],
     key: tuple[float | str, int],
     rate_hz: float,
+    rhythm: Rhythm | None,
 ) -> CouplingDataset:
     """Samples of one primitive in one execution, with c_target = 0; `key`: setting and number."""
     kept = thinned(time, rate_hz)
-    duration, time = time[-1], time[kept]
-    p, u = canonical.phase(time, canonical.time_constant(duration))
+    duration, time, cycle = time[-1], time[kept], None
+    if rhythm is None:
+        p, u = canonical.phase(time, canonical.time_constant(duration))
+    else:
+        elapsed = rhythm.cycles * time / duration
+        (p, u), cycle = rhythmic.phase(elapsed, rhythm), rhythm.first + elapsed
     setting, number = (np.full(len(time), value) for value in key)
-    return CouplingDataset(deviation[kept], p, u, np.zeros(len(time)), setting, number, time, groups)
+    target = np.zeros(len(time))
+    return CouplingDataset(deviation[kept], p, u, target, setting, number, time, groups, cycle)
 
 
 def _checks(
     corrected: CorrectedPrimitive,
     run: Demonstration,
     cut: pd.Series,
-    primitive: PosePrimitive,
     axes: Sequence[Axis],
 ) -> dict[str, float]:
     """Consistency checks of one demonstration, see `coupling_dataset`."""
+    primitive = corrected.nominal
     checks, (point, turn), target = {}, (corrected.point, corrected.turn), corrected.target
     chosen = np.isin(AXES, axes)
     kept = np.where(chosen, target, 0.0)
@@ -346,6 +366,25 @@ def _ticks(demonstration: Demonstration, cut: pd.Series) -> tuple[int, int]:
     return max(first, 0), min(last, len(demonstration.time) - 1)
 
 
+def _smoothed(run: Demonstration, cut: pd.Series, parameters: CorrectionParameters) -> Segment:
+    """Smoothed position and, where recorded, orientation of one primitive in a run."""
+    if "knots" in cut:
+        return RhythmicSegment.of(run, cut["knots"], parameters.smoothing_hz)
+    ticks, how, turn = _ticks(run, cut), (run.dt, parameters.smoothing_hz), None
+    if run.orientation is not None:
+        turn = differentiated_orientation(run.orientation, *how).cut(*ticks)
+    return differentiated(run.position, *how).cut(*ticks), turn
+
+
+def _rhythm(cut: pd.Series) -> Rhythm | None:
+    """Of strokes; None of a discrete movement."""
+    return rhythm_of(cut["knots"]) if "knots" in cut else None
+
+
 def _part(signal: np.ndarray, demonstration: Demonstration, cut: pd.Series) -> np.ndarray:
+    """A primitive's part of a signal (T, D) of a run; of strokes, such that each cycle takes equally long."""
+    if "knots" in cut:
+        times = even_times(demonstration, cut["knots"])
+        return np.stack([np.interp(times, demonstration.time, column) for column in signal.T], axis=1)
     first, last = _ticks(demonstration, cut)
     return signal[first : last + 1]

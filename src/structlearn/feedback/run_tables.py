@@ -73,6 +73,8 @@ def plan_in_time(
             turning[part] = turn.features(count, dt / tau) @ turn.weights_towards(start, goal)
         if primitive.name in skill.expected:
             traces, until = skill.expected[primitive.name], dt * (count - 1)
+            if (rhythm := primitive.rhythm) is not None:  # as many cycles as the movement
+                traces = traces.repeated(rhythm.cycles, first=rhythm.first)
             expected[part] = traces.unroll(dt, duration=durations[index], until=until).position
     turning[-1] = 0.0
     phases = [

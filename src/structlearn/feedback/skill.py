@@ -5,8 +5,8 @@ Each dimension of a coupling term has its own network of the same sensors (IV.6.
 """
 
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass, field
-from typing import Annotated, Any
+from dataclasses import dataclass, field, replace
+from typing import Annotated, Any, Self
 
 import numpy as np
 from pydantic import Field
@@ -145,7 +145,11 @@ class ReactiveSkill:
                     f"the orientation of '{primitive.name}' is a {type(orientation).__name__}: the "
                     "controller steps quaternion primitives only, which turn less than half a circle"
                 )
+            if orientation is not None and orientation.rhythm != primitive.rhythm:
+                raise InputError(f"position and orientation of '{primitive.name}' differ in their rhythms")
         for name, traces in self.expected.items():
+            if (traces.rhythm is None) != (self.primitives[names.index(name)].rhythm is None):
+                raise InputError(f"'{name}' or its expected traces have a rhythm, the other has none")
             if len(traces.start) != self.channels:
                 raise InputError(
                     f"'{name}' has expected traces of {len(traces.start)} channels, others {self.channels}"
@@ -182,6 +186,21 @@ class ReactiveSkill:
     def channels(self) -> int:
         """Number of sensor channels, 0 without expected traces."""
         return next((len(traces.start) for traces in self.expected.values()), 0)
+
+    def repeated(self, cycles: Mapping[str, float]) -> Self:
+        """The skill with other numbers of cycles, by name of a rhythmic primitive.
+
+        The goals of these primitives, and the start of what follows, are where the cycle then is. Raises
+        InputError: there is no such primitive, it is not rhythmic, or a number is not positive.
+        """
+        primitives = list(self.primitives)
+        for name, number in cycles.items():
+            place = self.index(name)
+            try:
+                primitives[place] = primitives[place].repeated(number)
+            except (TypeError, ValueError) as error:
+                raise InputError(f"cycles of '{name}': {error}") from error
+        return replace(self, primitives=primitives)
 
     def index(self, primitive: int | str) -> int:
         """Index of a primitive, by name or index. Raises InputError: there is none."""

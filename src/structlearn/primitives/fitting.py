@@ -63,15 +63,10 @@ class RhythmicSegment(Segment):
     @classmethod
     def of(cls, run: Demonstration, knots: np.ndarray, smoothing_hz: float) -> Self:
         """Strokes of a run; `knots`: (K, 2) s and cycles, between which time is stretched smoothly."""
-        from scipy.interpolate import PchipInterpolator  # takes a third of a second to import
-
-        (start, first), (end, last) = knots[[0, -1]]
-        dt, period = run.dt, (end - start) / (last - first)
-        outside = np.array([[start - period, first - 1.0], *knots, [end + period, last + 1.0]])
-        ticks = round((end - start) / dt)
-        margin = min(round(period / dt), MARGIN_TICKS)
-        even = first + np.arange(-margin, ticks + margin + 1) * ((last - first) / ticks)
-        times = np.clip(PchipInterpolator(*outside.T[::-1])(even), 0.0, run.time[-1])
+        dt, rhythm = run.dt, rhythm_of(knots)
+        ticks = round(float(np.ptp(knots[:, 0])) / dt)
+        margin = min(round(ticks / rhythm.cycles), MARGIN_TICKS)
+        times = even_times(run, knots, margin)
         columns = [np.interp(times, run.time, column) for column in run.position.T]
         ends, orientation = (margin, margin + ticks), None
         if run.orientation is not None:
@@ -79,19 +74,61 @@ class RhythmicSegment(Segment):
             orientation = differentiated_orientation(turned, dt, smoothing_hz).cut(*ends)
         position = differentiated(np.stack(columns, axis=1), dt, smoothing_hz).cut(*ends)
         strokes = cls((position, orientation))
-        strokes.rhythm = Rhythm(float(first), float(last - first))
+        strokes.rhythm = rhythm
         return strokes
 
     def repeated_by(self, primitive: PosePrimitive) -> PosePrimitive:
         """The primitive with the number of cycles and the amplitude of this demonstration."""
         local, orientation = primitive.position.local, primitive.orientation
-        rows, target = rhythmic_target(self[0], self.rhythm, len(local.weights) // PARTS)
-        scale = amplitude(local.weights, rows, target)
-        own = replace(local, rhythm=self.rhythm, weights=scale * local.weights)
+        own = replace(local, rhythm=self.rhythm, weights=self.amplitude(primitive) * local.weights)
         if isinstance(orientation, QuaternionPrimitive):
             orientation = replace(orientation, rhythm=self.rhythm)
         position = replace(primitive.position, local=own)
         return replace(primitive, position=position, orientation=orientation)
+
+    def amplitude(self, primitive: PosePrimitive) -> float:
+        """Amplitude relative to the primitive; negative if the strokes go the other way."""
+        weights = primitive.position.local.weights
+        return amplitude(weights, *rhythmic_target(self[0], self.rhythm, len(weights) // PARTS))
+
+
+def rhythm_of(knots: np.ndarray) -> Rhythm:
+    """Rhythm of a run of strokes with knots (K, 2) s and cycles."""
+    first, last = knots[[0, -1], 1].tolist()
+    return Rhythm(first, last - first)
+
+
+def even_times(run: Demonstration, knots: np.ndarray, margin: int = 0) -> np.ndarray:
+    """Times (T,) s in a run at which its strokes have gone equal shares of a cycle, one for each tick.
+
+    `knots`: (K, 2) s and cycles. `margin`: ticks before and after.
+    """
+    from scipy.interpolate import PchipInterpolator  # takes a third of a second to import
+
+    (start, first), (end, last) = knots[[0, -1]]
+    period = (end - start) / (last - first)
+    outside = np.array([[start - period, first - 1.0], *knots, [end + period, last + 1.0]])
+    ticks = round((end - start) / run.dt)
+    even = first + np.arange(-margin, ticks + margin + 1) * ((last - first) / ticks)
+    return np.clip(PchipInterpolator(*outside.T[::-1])(even), 0.0, run.time[-1])
+
+
+def in_phase(
+    runs: Sequence[Demonstration], cuts: pd.DataFrame, primitive: PosePrimitive, smoothing_hz: float
+) -> pd.DataFrame:
+    """Cuts of a primitive in some runs, their cycles counted as the primitive's.
+
+    Runs that are cut on their own count from where their reference begins, which may be the other side.
+    """
+    if primitive.rhythm is None:
+        return cuts
+    knots = {}
+    for run in runs:
+        if run.name in cuts.index:
+            own = cuts.loc[run.name, "knots"]
+            opposite = RhythmicSegment.of(run, own, smoothing_hz).amplitude(primitive) < 0.0
+            knots[run.name] = own + np.array([0.0, 0.5 * opposite])
+    return cuts.assign(knots=pd.Series(knots))
 
 
 def whole_run_cuts(demonstrations: Sequence[Demonstration]) -> pd.DataFrame:

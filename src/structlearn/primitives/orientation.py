@@ -37,12 +37,15 @@ class QuaternionPrimitive(ForcedPrimitive[OrientationTrajectory]):
             return self.weights
         return rhythmic.with_baseline(self.weights, quaternion.difference(start, goal), np.zeros(3))
 
-    def repeated(self, cycles: float, amplitude: float = 1.0) -> Self:
-        """As `ForcedPrimitive.repeated`; the goal follows in the tangent space at the start."""
+    def repeated(self, cycles: float, amplitude: float = 1.0, first: float | None = None) -> Self:
+        """As `ForcedPrimitive.repeated`; both ends follow in the tangent space at the start."""
         way = quaternion.difference(self.goal, self.start)
-        fields, way = self._repeated(way, cycles, amplitude)
-        goal = quaternion.product(quaternion.from_rotation_vector(way), self.start)
-        return replace(self, goal=goal, **fields)
+        fields, moved, way = self._repeated(way, cycles, amplitude, first)
+        start, goal = (
+            quaternion.product(quaternion.from_rotation_vector(vector), self.start)
+            for vector in (moved, moved + way)
+        )
+        return replace(self, start=start, goal=goal, **fields)
 
     def _integrated(
         self, start: np.ndarray, goal: np.ndarray, features: np.ndarray, *system: Any

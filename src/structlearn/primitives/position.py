@@ -49,10 +49,11 @@ class PositionPrimitive:
         """Mean duration of the demonstrations in s."""
         return self.local.duration
 
-    def repeated(self, cycles: float, amplitude: float = 1.0) -> Self:
+    def repeated(self, cycles: float, amplitude: float = 1.0, first: float | None = None) -> Self:
         """As `ForcedPrimitive.repeated`."""
-        local = self.local.repeated(cycles, amplitude)
-        return replace(self, local=local, goal=self.start + local.goal)
+        local = self.local.repeated(cycles, amplitude, first)
+        ends = {"start": self.start + local.start, "goal": self.start + local.goal}
+        return replace(self, local=replace(local, start=np.zeros(3), goal=local.goal - local.start), **ends)
 
     def unroll(
         self,

@@ -23,7 +23,7 @@ from structlearn.primitives.vector import VectorPrimitive
 
 Tensors = dict[str, np.ndarray]
 
-MOST_CYCLES = 1e4  # of a rhythmic primitive; more suggests a damaged file
+FEWEST_CYCLES, MOST_CYCLES = 0.01, 1e4  # of a rhythmic primitive; others suggest a damaged file
 
 
 class PrimitiveKind(TypedDict):
@@ -158,10 +158,11 @@ def _checked(size: int, shapes: Mapping[str, tuple[int, ...]], tensors: Tensors)
     }
     if "rhythm" in tensors:
         rhythm = tensors["rhythm"]
-        if rhythm.shape != (2,) or not 0.0 < rhythm[1] <= MOST_CYCLES or len(weights) % PARTS:
+        cycles = f"{FEWEST_CYCLES:g} to {MOST_CYCLES:g}"
+        if rhythm.shape != (2,) or not FEWEST_CYCLES <= rhythm[1] <= MOST_CYCLES or len(weights) % PARTS:
             raise InputError(
-                f"its rhythm is {rhythm} with weights {weights.shape}, not a phase and up to {MOST_CYCLES:g} "
-                f"cycles with weights (3 N, {size})"
+                f"its rhythm is {rhythm} with weights {weights.shape}, not a phase and {cycles} cycles with "
+                f"weights (3 N, {size})"
             )
         fields["rhythm"] = Rhythm(*rhythm.tolist())
     return fields

@@ -45,12 +45,13 @@ class PosePrimitive:
         """Of a rhythmic movement."""
         return self.position.local.rhythm
 
-    def repeated(self, cycles: float, amplitude: float = 1.0) -> "PosePrimitive":
-        """A rhythmic movement with other numbers of cycles; `amplitude`: of its position, relative."""
+    def repeated(self, cycles: float, amplitude: float = 1.0, first: float | None = None) -> "PosePrimitive":
+        """As `ForcedPrimitive.repeated`; `amplitude`: of its position, relative."""
         orientation = self.orientation
         if isinstance(orientation, vector.ForcedPrimitive):
-            orientation = orientation.repeated(cycles)
-        return replace(self, position=self.position.repeated(cycles, amplitude), orientation=orientation)
+            orientation = orientation.repeated(cycles, first=first)
+        position = self.position.repeated(cycles, amplitude, first)
+        return replace(self, position=position, orientation=orientation)
 
 
 @dataclass(frozen=True)

@@ -100,18 +100,25 @@ class ForcedPrimitive(ABC, Generic[Unrolled]):
         return self._integrated(start, goal, features, dt, tau, velocity, acceleration, coupling)
 
     @abstractmethod
-    def repeated(self, cycles: float, amplitude: float = 1.0) -> Self:
-        """The rhythmic movement with other numbers: its duration and goal follow, its period stays."""
+    def repeated(self, cycles: float, amplitude: float = 1.0, first: float | None = None) -> Self:
+        """The rhythmic movement with other numbers: its duration and goal follow, its period stays.
+
+        `first`: where in the cycle it starts; default: where it does, so that its start stays.
+        """
 
     def _repeated(
-        self, way: np.ndarray, cycles: float, amplitude: float
-    ) -> tuple[dict[str, Any], np.ndarray]:
-        """Fields of `repeated` but the goal, and the goal minus the start (D,); `way`: of this movement."""
+        self, way: np.ndarray, cycles: float, amplitude: float, first: float | None
+    ) -> tuple[dict[str, Any], np.ndarray, np.ndarray]:
+        """Fields of `repeated` but its ends; its start minus this one's, and its goal minus its start (D,).
+
+        `way`: (D,) goal minus start of this movement.
+        """
         if self.rhythm is None:
             raise ValueError("a discrete movement cannot be repeated")
         if not (cycles > 0.0 and amplitude > 0.0):
             raise ValueError(f"cycles and amplitude must be positive, are {cycles:g} and {amplitude:g}")
-        rhythm = Rhythm(self.rhythm.first, cycles)
+        still = Rhythm(self.rhythm.first, cycles)
+        rhythm = still if first is None else Rhythm(first, cycles)
         longer = cycles / self.rhythm.cycles
         fields = {
             "weights": amplitude * self.weights,
@@ -120,7 +127,9 @@ class ForcedPrimitive(ABC, Generic[Unrolled]):
             "duration": longer * self.duration,
             "rhythm": rhythm,
         }
-        return fields, rhythmic.repeated(self.weights, way, self.rhythm, rhythm, amplitude)
+        starts = [rhythmic.rests(self.weights, each)[0] for each in (still, rhythm)]
+        way = rhythmic.repeated(self.weights, way, self.rhythm, rhythm, amplitude)
+        return fields, amplitude * (starts[1] - starts[0]), way
 
     @abstractmethod
     def _integrated(
@@ -145,10 +154,11 @@ class VectorPrimitive(ForcedPrimitive[Trajectory]):
             return rhythmic.with_baseline(self.weights, start, goal)
         return self.weights * relative_scale(np.subtract(goal, start), self.goal - self.start, self.scaled)
 
-    def repeated(self, cycles: float, amplitude: float = 1.0) -> Self:
+    def repeated(self, cycles: float, amplitude: float = 1.0, first: float | None = None) -> Self:
         """As `ForcedPrimitive.repeated`; the amplitude is relative to this one's."""
-        fields, way = self._repeated(self.goal - self.start, cycles, amplitude)
-        return replace(self, goal=self.start + way, **fields)
+        fields, moved, way = self._repeated(self.goal - self.start, cycles, amplitude, first)
+        start = self.start + moved
+        return replace(self, start=start, goal=start + way, **fields)
 
     def _forcing(self, features: np.ndarray, start: np.ndarray, goal: np.ndarray) -> np.ndarray:
         if self.rhythm is not None:
@@ -321,13 +331,17 @@ def without_offset(trace: np.ndarray, first: np.ndarray | None = None) -> np.nda
     return trace - (trace if first is None else first)[:OFFSET_SAMPLES].mean(axis=0)
 
 
-def fit_expected_traces(traces: Sequence[np.ndarray], dt: float, smoothing_hz: float) -> VectorPrimitive:
+def fit_expected_traces(
+    traces: Sequence[np.ndarray], dt: float, smoothing_hz: float, rhythms: Sequence[Rhythm] = ()
+) -> VectorPrimitive:
     """Fit the expected sensor traces of a primitive to repeated runs, one dimension per channel.
 
     `traces`: per run (T_l, E) readings without offset, on one uniform clock from start to end.
-    `smoothing_hz`: cut-off of the low-pass before differentiation.
+    `smoothing_hz`: cut-off of the low-pass before differentiation. `rhythms`: of the runs of a rhythmic
+    primitive, whose cycles take equally long.
     """
-    return fit_vector([differentiated(trace, dt, smoothing_hz) for trace in traces])
+    smooth = [differentiated(trace, dt, smoothing_hz) for trace in traces]
+    return fit_rhythmic(smooth, rhythms) if rhythms else fit_vector(smooth)
 
 
 def expected_traces(primitive: VectorPrimitive, samples: int, dt: float) -> np.ndarray:

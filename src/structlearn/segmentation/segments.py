@@ -300,10 +300,15 @@ def execution_cuts(
 ) -> dict[str, pd.DataFrame]:
     """Segments of executions as `commanded_cuts` or, if a run has no commanded segments, by segmentation.
 
+    Strokes are always segmented, and have `knots`, since their number is not commanded.
+
     `parameters`: of the segmentation. The first run stands in for its reference, a demonstration; failures
     raise. Raises InputError: a run without commanded segments cannot be cut.
     """
-    if all(run.true_segments is not None and len(run.true_segments) == len(names) for run in runs):
+    counted = any(primitive.axis == STROKES for primitive in parameters.primitives)
+    if not counted and all(
+        run.true_segments is not None and len(run.true_segments) == len(names) for run in runs
+    ):
         return commanded_cuts(runs, names)
-    segmentation = cut(runs, parameters.model_copy(update={"reference": None, "skip_failures": False}))
-    return {name: segmentation.result(name)[["start_s", "end_s"]] for name in names}
+    results = cut(runs, parameters.model_copy(update={"reference": None, "skip_failures": False})).results
+    return {name: results[name].filter(items=["start_s", "end_s", "knots"]) for name in names}

@@ -10,7 +10,7 @@ import rerun as rr
 
 from structlearn.core.frames import local_frame
 from structlearn.palette import AXIS_COLOURS, GREY, LIGHT_BLUE, ORANGE, WHITE, primitive_colour
-from structlearn.primitives import canonical
+from structlearn.primitives import canonical, rhythmic
 from structlearn.primitives.sequence import PosePrimitive
 from structlearn.primitives.twist_swing import TwistSwingPrimitive
 from structlearn.readers.demonstration import Demonstration
@@ -96,6 +96,7 @@ def primitives(
 def _thinned(table: pd.DataFrame, learned: Sequence[PosePrimitive]) -> pd.DataFrame:
     """A sequence table for a screen, with `p`, `u`, and each primitive's `place`, `elapsed_s`, `duration_s`.
 
+    `p` and `u` of strokes are those of the cycle; `progress`: 0 -> 1 over each primitive, in phase steps.
     As there, the sample at a switch belongs to the next primitive; all switches and the last sample are kept.
     """
     places = {primitive.name: place for place, primitive in enumerate(learned)}
@@ -104,8 +105,16 @@ def _thinned(table: pd.DataFrame, learned: Sequence[PosePrimitive]) -> pd.DataFr
     ends = np.append(time[starts], time[-1])
     elapsed, duration = time - ends[place], np.diff(ends)[place]
     p, u = canonical.phase(elapsed, canonical.TAU_PER_DURATION * duration)
+    progress = 1.0 - p
+    for at, primitive in enumerate(learned):
+        if primitive.rhythm is not None:
+            own = place == at
+            p[own], u[own] = rhythmic.phase(
+                primitive.rhythm.cycles * (elapsed / duration)[own], primitive.rhythm
+            )
     kept = np.unique([*range(0, len(time), items.thinning(time[1] - time[0])), *starts, len(time) - 1])
-    return table.assign(place=place, elapsed_s=elapsed, duration_s=duration, p=p, u=u).iloc[kept]
+    columns = {"elapsed_s": elapsed, "duration_s": duration, "p": p, "u": u, "progress": progress}
+    return table.assign(place=place, **columns).iloc[kept]
 
 
 def _columns(path: pd.DataFrame, prefix: str, names: str = "xyz") -> np.ndarray:
@@ -114,7 +123,7 @@ def _columns(path: pd.DataFrame, prefix: str, names: str = "xyz") -> np.ndarray:
 
 def _times(path: pd.DataFrame) -> dict[str, np.ndarray]:
     """Both time lines."""
-    spent = np.round(PHASE_STEPS * (path["place"] + 1.0 - path["p"])).astype(int)
+    spent = np.round(PHASE_STEPS * (path["place"] + path["progress"])).astype(int)
     return {TIME: path["time_s"].to_numpy(), PHASE: spent.to_numpy()}
 
 

@@ -1,5 +1,7 @@
 """Page section on corrections: what people corrected, and how well a model predicts corrections left out."""
 
+from collections.abc import Iterator
+
 import numpy as np
 import pandas as pd
 from matplotlib.figure import Figure
@@ -24,6 +26,7 @@ from structlearn.tasks.task_files import TaskFiles
 
 TARGET_SAMPLES = 200
 DRAWN = 6  # number of settings drawn
+SHORT_CYCLE = 0.05  # that a demonstration's first or last cycle may lack to be drawn
 POOR = 1.0  # NMSE from which a model is no better than the mean
 CHECKED = ("reproduction", "smoothing", "others")  # first words of the checks' columns
 AXES = ["x", "y", "z"]
@@ -79,20 +82,32 @@ def response_table(scores: pd.DataFrame) -> Table:
 
 @styled
 def targets_panel(title: str, axis: Axis, dataset: CouplingDataset) -> Figure:
-    """Coupling targets of one primitive on one axis, mean and std by setting."""
-    figure, axes = panel(title, 2.9, xlabel="time / duration", ylabel=f"coupling target ({unit(axis)})")
+    """Coupling targets of one primitive on one axis, mean and std by setting; of strokes, of all cycles."""
+    label = "time / duration" if dataset.cycle is None else "cycle"
+    figure, axes = panel(title, 2.9, xlabel=label, ylabel=f"coupling target ({unit(axis)})")
     time = np.linspace(0.0, 1.0, TARGET_SAMPLES)
     settings = list(dict.fromkeys(dataset.setting))[:DRAWN]
     for colour, setting in zip(palette.CATEGORICAL_COLOURS, settings, strict=False):
         samples = dataset.where(dataset.setting == setting)
         runs = [
-            samples.target[samples.demonstration == number] for number in dict.fromkeys(samples.demonstration)
+            samples.where(samples.demonstration == number) for number in dict.fromkeys(samples.demonstration)
         ]
-        curves = np.array([signals.time_normalised(run[:, None], TARGET_SAMPLES)[:, 0] for run in runs])
+        curves = np.array([curve for run in runs for curve in _target_curves(run)])
         average, spread = curves.mean(axis=0), curves.std(axis=0)
         axes.plot(time, average, color=colour, label=str(setting))
         axes.fill_between(time, average - spread, average + spread, color=colour, alpha=0.15, linewidth=0)
     return legend(figure)
+
+
+def _target_curves(run: CouplingDataset) -> Iterator[np.ndarray]:
+    """Coupling targets (TARGET_SAMPLES,) of one demonstration; of strokes, a curve per whole cycle."""
+    if run.cycle is None:
+        yield signals.time_normalised(run.target[:, None], TARGET_SAMPLES)[:, 0]
+        return
+    share = np.linspace(0.0, 1.0, TARGET_SAMPLES)
+    first = np.ceil(run.cycle[0] - SHORT_CYCLE)
+    for number in range(max(int(run.cycle[-1] - first + SHORT_CYCLE), 1)):
+        yield np.interp(first + number + share, run.cycle, run.target)
 
 
 def phase_section(files: TaskFiles) -> Section | None:

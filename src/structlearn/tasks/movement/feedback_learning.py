@@ -27,6 +27,7 @@ from structlearn.feedback.coupling_targets import (
     require_parts,
 )
 from structlearn.feedback.trainers import train_final
+from structlearn.primitives.fitting import in_phase
 from structlearn.primitives.primitive_files import read_vector_primitive, write_vector_primitive
 from structlearn.primitives.sequence import PosePrimitive
 from structlearn.primitives.vector import VectorPrimitive
@@ -68,10 +69,15 @@ def learn_feedback(
     InputError: a run cannot be cut or lacks a stream, a primitive is missing, or there are too few samples.
     """
     names = [primitive.name for primitive in primitives]
-    nominal = execution_cuts(executions, names, cutting)
+
+    def cuts_of(runs: Sequence[Demonstration]) -> dict[str, pd.DataFrame]:
+        found = execution_cuts(runs, names, cutting)
+        return {one.name: in_phase(runs, found[one.name], one, parameters.smoothing_hz) for one in primitives}
+
+    nominal = cuts_of(executions)
     traces = learn_expected(executions, nominal, parameters.expected_hz, parameters.sensors)
     require_parts(parameters.primitives, primitives, traces)
-    cuts = {label: execution_cuts(runs, names, cutting) for label, runs in corrections.items()}
+    cuts = {label: cuts_of(runs) for label, runs in corrections.items()}
     datasets, levels, checks = {}, {}, []
     for name in parameters.primitives:
         own = {label: parts[name] for label, parts in cuts.items()}
@@ -165,7 +171,7 @@ def _scored(network: CouplingModel, dataset: CouplingDataset) -> tuple[float, fl
     corrected = np.ptp(dataset.target) > 0.0
     error = nmse(network.coupling(dataset.deviation, dataset.phase, dataset.phase_velocity), dataset.target)
     paths = corrected_paths(dataset, SAMPLES)
-    predicted = network.coupling(paths.deviation, *paths.phase) @ paths.response.T
+    predicted = paths.displacement(network)
     target, mean = paths.correction.mean(axis=0), predicted.mean(axis=0)
     peak = int(np.argmax(np.abs(target if corrected else mean)))
     rms = float(np.sqrt(np.mean((predicted - paths.correction) ** 2)))

@@ -14,7 +14,7 @@ from structlearn.primitives.fitting import FitParameters
 from structlearn.primitives.position import FrameChoice
 from structlearn.primitives.stiffness import StiffnessParameters
 from structlearn.readers.source import ClockParameters, JointPose, Setting, SourceParameters, TopicMap
-from structlearn.segmentation.parameters import STROKES, SegmentParameters
+from structlearn.segmentation.parameters import SegmentParameters
 
 PARTS = "parts"  # recordings are the primitives of one execution, each with its own name
 
@@ -145,8 +145,6 @@ class MovementEntry(SourceParameters):
             raise ValueError(f"traces_hz needs `presegmented: {PARTS}`, the primitives of one execution")
         if self.feedback is not None and self.segment is not None:
             known = [primitive.name for primitive in self.segment.primitives]
-            if any(primitive.axis == STROKES for primitive in self.segment.primitives):
-                raise ValueError("feedback is not learned yet for a task with strokes of a varying number")
             for name in self.feedback.primitives:
                 if name not in known:
                     raise ValueError(f"feedback: there is no primitive '{name}' among {', '.join(known)}")
