@@ -397,4 +397,7 @@ def test_the_command_exports_the_skill_of_a_task_or_of_a_file(tmp_path, monkeypa
         said = f"include/{name}.hpp: controller in C++17 of {files.skill}\n"
         assert capsys.readouterr().out == said
         assert f"namespace {name} {{" in Path("include", f"{name}.hpp").read_text(encoding="ascii")
+    for option, value in (("fps", "30"), ("words", "pour"), ("robot", "panda")):
+        unused = f"error: --{option} is of a LeRobotDataset, not of a C++ header (--cpp)\n"
+        assert refused("pour", "--cpp", "include", f"--{option}", value) == unused
     assert refused("pour", "--cpp", str(files.skill)) == f"error: {files.skill}: is not a folder\n"
