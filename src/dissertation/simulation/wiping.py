@@ -100,6 +100,7 @@ def _take(name: str, seed: int, pause_s: tuple[float, float], source: np.random.
         position + shaken,
         quaternion.product(quaternion.from_rotation_vector(turned), DOWN),
         np.full(len(time), OPEN_M),
+        np.zeros(len(time), dtype=bool),
         np.zeros(len(time)),
         segments,
         segments,

@@ -14,11 +14,11 @@ from structlearn.feedback.coupling_model import CouplingModel
 from structlearn.feedback.skill import ReactiveSkill, real_numbers
 from structlearn.primitives import transformation
 from structlearn.primitives.orientation import QuaternionPrimitive
-from structlearn.primitives.sequence import PoseGoal, default_goals, default_start
+from structlearn.primitives.sequence import PoseGoal, default_goals, default_start, unrolled_outputs
 from structlearn.primitives.vector import sample_count
 
 Place = tuple[int, int]  # index of the primitive, index of the axis
-Point = tuple[np.ndarray, np.ndarray, np.ndarray]  # position, velocity, acceleration (3,) each
+Point = tuple[np.ndarray, np.ndarray, np.ndarray]  # position, velocity, acceleration (N,) each
 
 HELD_DURATIONS = 4.0
 """Durations for which the last primitive's terms continue after its end; then u is 1e-11, and is set to 0."""
@@ -76,20 +76,31 @@ def plan_in_time(
         for own, tau, count in zip(movements, taus, counts, strict=True)
     ]
     phases[-1][1][-1] = 0.0
+    position_goal = np.array([goal.position for goal in goals], dtype=float)
     return Plan(
         rows=rows,
         matrix=np.stack([transformation.step_matrix(dt / tau) for tau in taus]),
         tau=taus,
-        position_goal=np.array([goal.position for goal in goals], dtype=float),
+        position_goal=position_goal,
         orientation_goal=np.array([goal.orientation for goal in goals], dtype=float),
-        position_forcing=np.zeros((rows[-1], 3)),
+        position_forcing=np.zeros((rows[-1], position_goal.shape[1])),
         orientation_forcing=turning,
+        outputs=_outputs(skill, dt, durations, counts),
         expected=expected,
         axes=np.array([AXES.index(axis) for axis in axes], dtype=np.int64),
         limits=limits.of(axes, dt),
         timeouts=np.array([round(limits.offset_within_s * rate_hz), round(limits.stale_after_s * rate_hz)]),
         **compiled_networks(networks, phases, len(axes)),
     )
+
+
+def _outputs(
+    skill: ReactiveSkill, dt: float, durations: Sequence[float], counts: Sequence[int]
+) -> np.ndarray:
+    """Continuous, then digital outputs (R, K); digital ones are 0 or 1."""
+    paths, states = unrolled_outputs(skill.primitives, dt, durations, counts)
+    parts = [[path.position for path in paths], states]
+    return np.hstack([np.empty((sum(counts), 0)), *(np.concatenate(part) for part in parts if part)])
 
 
 def compiled_networks(
@@ -124,13 +135,13 @@ def compiled_networks(
 def forcing_in_base_frame(
     skill: ReactiveSkill, plan: Plan, dt: float, first: int, state: Point, goals: np.ndarray
 ) -> np.ndarray:
-    """Forcing term (R, 3) of the plan's positions, with new rows from primitive `first` on.
+    """Forcing term (R, N) of the plan's positions, with new rows from primitive `first` on.
 
     Frame and amplitude of a primitive are those of its reach from where it starts without feedback, so the
     primitives are unrolled from `state`, at the start of the first. Shifts by feedback are absorbed by the
     evolving goal.
 
-    `goals`: (P, 3) m. Raises InputError: a primitive's start and goal define no local frame.
+    `goals`: (P, N) m, or of joints. Raises InputError: a primitive's start and goal define no local frame.
     """
     forcing = plan.position_forcing.copy()
     for index in range(first, len(plan.tau)):
@@ -141,7 +152,7 @@ def forcing_in_base_frame(
         except ValueError as error:
             raise InputError(f"'{primitive.name}' from {state[0]} to {goals[index]}: {error}") from error
         part = slice(plan.rows[index], plan.rows[index + 1])
-        weights = local.weights_towards(np.zeros(3), (goals[index] - state[0]) @ axes)
+        weights = local.weights_towards(np.zeros_like(state[0]), (goals[index] - state[0]) @ axes)
         forcing[part] = local.features(part.stop - part.start, dt / tau) @ weights @ axes.T
         state = end_state(forcing[part], dt, tau, state, goals[index])
     forcing[-1] = 0.0
@@ -149,7 +160,7 @@ def forcing_in_base_frame(
 
 
 def end_state(forcing: np.ndarray, dt: float, tau: float, state: Point, goal: np.ndarray) -> Point:
-    """State at the last row of a forcing term (T, 3)."""
+    """State at the last row of a forcing term (T, N)."""
     x, xd, xdd = state
     path = transformation.unroll(x, goal, forcing, dt, tau, xd, xdd)
     return path.position[-1], path.velocity[-1], path.acceleration[-1]
@@ -204,8 +215,8 @@ def checked_goals(skill: ReactiveSkill, goals: Sequence[PoseGoal] | None) -> lis
 
 
 def checked_point(skill: ReactiveSkill, position: np.ndarray, what: str) -> np.ndarray:
-    """A position (3,). Raises InputError: not finite, or outside the skill's workspace."""
-    point = _finite(position, 3, what)
+    """A position (3,), or (J,) of joints. Raises InputError: not finite, or outside the skill's workspace."""
+    point = _finite(position, len(skill.joints) or 3, what)
     if skill.workspace is not None:
         skill.workspace.require(point, what)
     return point
