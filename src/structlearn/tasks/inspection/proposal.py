@@ -57,7 +57,7 @@ def propose(
     topics, warnings = _topics(seen, hand, others)
     read = [source if isinstance(source, str) else source.topic]  # without static transforms
     read += [topics[kind] for kind in ("joint_states", "wrench") if kind in topics]
-    read += [topic for kind in ("outputs", "digital") for topic in topics.get(kind, {}).values()]
+    read += topics.get("outputs", {}).values()  # digital ones may come when they change
     read = list(dict.fromkeys([*read, *topics.get("tactile", [])]))
     entry: dict[str, Any] = {"source": from_home(seen.source)}
     if seen.files[0].format == LEROBOT:
