@@ -312,7 +312,7 @@ def synchronise(
         if kind in JOINT_KINDS and names != recording.joint_names and names:
             signals[kind] = signals[kind].take([names.index(name) for name in recording.joint_names], axis=1)
     if recording.provenance.get("orientation") == "not recorded":
-        signals.pop("orientation")
+        signals.pop("orientation", None)
         signals.pop("angular_velocity", None)
     if leading.kind != "pose":
         signals["position"] = signals[leading.kind]

@@ -226,8 +226,8 @@ def _in_arm_order(arm: Arm, joints: Sequence[str], run: Unroll, _: RobotParamete
     """A run of joints in the arm's order. Raises InputError: the skill does not command one of them."""
     if missing := [name for name in arm.tree.names if name not in joints]:
         raise InputError(
-            f"{arm.source}: {', '.join(missing)} moves the tip, but the skill commands {', '.join(joints)}: "
-            "name it in robot.locked_joints"
+            f"{arm.source}: the skill commands {', '.join(joints)}, not {', '.join(missing)}: name what does "
+            "not move in robot.locked_joints"
         )
     return replace(run, position=run.position[:, [joints.index(name) for name in arm.tree.names]])
 
