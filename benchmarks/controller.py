@@ -39,14 +39,16 @@ os.environ.update(OMP_NUM_THREADS="1", OPENBLAS_NUM_THREADS="1", MKL_NUM_THREADS
 
 import numpy as np
 import pandas as pd
-from primitive_inputs import DT, NETWORK, SEED, demonstrations, orientation_demonstration
+from primitive_inputs import AXES, DT, NETWORK, SEED, demonstrations, orientation_demonstration
 from timing import Case, Contender, at_least_one, machine, sleep_to_next
 
 from structlearn.feedback.cpp_export import header
 from structlearn.feedback.models.pmnn import PhaseModulatedNetwork, coupling_term
 from structlearn.feedback.runtime import Controller
 from structlearn.feedback.skill import ReactiveSkill, Workspace, on_axis
+from structlearn.primitives import canonical
 from structlearn.primitives.orientation import fit_quaternion, fit_rhythmic_quaternion
+from structlearn.primitives.outputs import Switching
 from structlearn.primitives.position import fit_position, fit_rhythmic_position
 from structlearn.primitives.rhythmic import Rhythm
 from structlearn.primitives.sequence import PosePrimitive
@@ -248,6 +250,38 @@ def tick(rhythm: Rhythm | None = None) -> Case:
     )
 
 
+def tick_joints() -> Case:
+    """A tick of a skill that commands seven joints, a continuous and a digital output, without feedback."""
+    path = demonstrations(1)[0]
+    mixed = path.turned(np.random.default_rng(SEED).normal(size=(AXES, 7)))
+    joints, opening = (fit_position([one], frame="none") for one in (mixed, path.turned(np.eye(AXES, 1))))
+    edges = Switching(np.array([False]), np.array([[0.0, 0.5]]))
+    names = tuple(f"joint {place}" for place in range(7))
+    one = PosePrimitive("move", joints, outputs=opening, switching=edges)
+    skill = ReactiveSkill([one], joints=names, outputs=("opening",), digital=("grasp",))
+
+    def begun() -> Controller:
+        controller = Controller(skill, RATE_HZ, durations=[LONG_S])
+        controller.start(joints.start)
+        return controller
+
+    def error() -> float:
+        controller, wanted = (
+            begun(),
+            joints.unroll(1.0 / RATE_HZ, duration=LONG_S, velocity=0.0, acceleration=0.0),
+        )
+        found = [(controller.tick(None), controller.position.copy())[1] for _ in wanted.time]
+        return float(np.abs(np.array(found) - wanted.position).max())
+
+    controller = begun()
+    return Case(
+        work="  of 7 joints and 2 outputs, without feedback",
+        ours=Contender(lambda: controller.tick(None), lambda _: error()),
+        tolerance=SAME,
+        period_s=1.0 / RATE_HZ,
+    )
+
+
 def started(rhythm: Rhythm | None) -> Controller:
     """A controller of long movements, at their start."""
     controller = Controller(skill(rhythm), RATE_HZ, durations=[LONG_S] * 3)
@@ -301,7 +335,7 @@ def _network(rng: np.random.Generator) -> PhaseModulatedNetwork:
     )
 
 
-CASES: tuple[Callable[[], Case], ...] = (tick, lambda: tick(Rhythm(0.0, 2.0)))
+CASES: tuple[Callable[[], Case], ...] = (tick, lambda: tick(Rhythm(0.0, 2.0)), tick_joints)
 
 
 if __name__ == "__main__":

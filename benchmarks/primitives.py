@@ -35,11 +35,12 @@ from structlearn.feedback.models.pmnn import PhaseModulatedNetwork
 from structlearn.primitives import canonical, kernels, trajectory, transformation
 from structlearn.primitives.kernels import KERNEL_COUNT
 from structlearn.primitives.orientation import QuaternionPrimitive, fit_quaternion
+from structlearn.primitives.position import fit_position
 from structlearn.primitives.trajectory import Trajectory
 from structlearn.primitives.twist_swing import fit_twist_swing
 from structlearn.primitives.vector import VectorPrimitive, fit_rhythmic, fit_vector
 
-DEMONSTRATIONS, BATCH = 11, 38
+DEMONSTRATIONS, BATCH, JOINTS = 11, 38, 7
 CUTOFF_HZ = 25.0
 
 
@@ -117,6 +118,35 @@ def unroll(batch: int, aim_ms: float) -> Case:
         note="from the weights, so with the forcing term; ours and pydmps return positions, velocities, "
         "accelerations, mp_pytorch no accelerations, movement_primitives positions only",
     )
+
+
+def fit_joints() -> Case:
+    """A primitive of seven joints, as of a pose but without a frame."""
+    paths = [_of_joints(path) for path in demonstrations(DEMONSTRATIONS)]
+    mean = np.mean([path.position for path in paths], axis=0)
+    return Case(
+        work=f"fit {DEMONSTRATIONS} x {SAMPLES} x {JOINTS} joints, derivatives and features known",
+        ours=Contender(
+            lambda: fit_position(paths, frame="none"), lambda p: path_error(p.unroll(DT).position, mean)
+        ),
+    )
+
+
+def unroll_joints() -> Case:
+    """Its unroll."""
+    path = _of_joints(demonstrations(1)[0])
+    primitive = fit_position([path], frame="none")
+    return Case(
+        work=f"unroll 1 x {SAMPLES} x {JOINTS} joints",
+        ours=Contender(
+            lambda: primitive.unroll(DT), lambda unrolled: path_error(unrolled.position, path.position)
+        ),
+    )
+
+
+def _of_joints(path: Trajectory) -> Trajectory:
+    """The axes of a path, mixed to as many as an arm has joints."""
+    return path.turned(np.random.default_rng(JOINTS).normal(size=(AXES, JOINTS)))
 
 
 def unroll_new_duration() -> Case:
@@ -318,6 +348,8 @@ CASES: tuple[Callable[[], Case], ...] = (
     fit_lengths,
     lambda: unroll(1, 0.3),
     unroll_new_duration,
+    fit_joints,
+    unroll_joints,
     lambda: unroll(BATCH, 3.0),
     lambda: coupled(1, None),
     coupled_compiled,

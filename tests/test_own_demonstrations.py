@@ -154,9 +154,9 @@ def test_parts_that_an_entry_does_not_name_are_null(root, folder):
     task = read_task("lab")
     assert (task.kind, task.rate_hz, task.load) == ("motion", 200.0, None)
     pour = yaml.safe_load(readme(root, "yaml"))  # as every entry of the documentation is one
-    own_tasks(folder, pour=merged(pour["pour"], yaml.safe_load(readme(root, "yaml", 3))))
+    own_tasks(folder, pour=merged(pour["pour"], yaml.safe_load(readme(root, "yaml", 5))))
     assert read_task("pour").feedback.settings == ("5", "tilt_left")
-    ENTRIES.write_text(readme(root, "yaml", 4))
+    ENTRIES.write_text(readme(root, "yaml", 6))
     assert [read_task(name).kind for name in ("arm", "skin", "table")] == ["motion", "touch", "obstacles"]
 
 

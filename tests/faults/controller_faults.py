@@ -20,7 +20,7 @@ import numpy as np
 import pandas as pd
 from faults.reliability import keep
 from feedback_skills import POINTS, random_network, random_skill
-from primitives_movements import random_vectors
+from primitives_movements import random_vectors, reach
 
 from structlearn.core import quaternion
 from structlearn.core.errors import InputError
@@ -29,6 +29,8 @@ from structlearn.feedback.coupling import AXES, turns
 from structlearn.feedback.runtime import Controller, Status
 from structlearn.feedback.skill import Limits, ReactiveSkill, Workspace
 from structlearn.primitives import sequence
+from structlearn.primitives.outputs import Switching
+from structlearn.primitives.position import fit_position
 
 READINGS = ("good", "none", "none, then all at once", "the same again", "NaN", "NaN in one channel")
 READINGS += ("infinite", "up to 1e308", "a million times too large", "of another size")
@@ -129,6 +131,10 @@ def faults(run: Run) -> Iterator[str]:
         yield f"the goal is missed by {run.missed[0]:.3g} m and {run.missed[1]:.3g} rad"
 
 
+OPENING = fit_position([reach(np.random.default_rng(0), [0.0], [1.0])], frame="none")
+MOST_OUTPUT = 3.0
+
+
 def upset(seed: int) -> Run:
     """A run of a random skill at a random rate, with everything that may go wrong."""
     rng = np.random.default_rng(seed)
@@ -166,6 +172,7 @@ def upset(seed: int) -> Run:
             counts = None
         flags = controller.tick(counts)
         state = np.concatenate([getattr(controller, name) for name in STATE])
+        moved |= not (np.abs(controller.outputs) < MOST_OUTPUT).all()
         place = controller.primitive + len(skill.primitives) * starts
         moved |= _is_written(getattr(controller, (*STATE, "coupling", "deviation")[len(rows) % 8]))
         rows.append((state, controller.coupling.copy(), place, flags, READINGS.index(reading)))
@@ -200,7 +207,10 @@ def _skill(rng: np.random.Generator) -> ReactiveSkill:
         for name in ("tilt", "scrape")
     }
     box = Workspace(POINTS.min(axis=0) - 0.2, POINTS.max(axis=0) + 0.2)
-    return replace(random_skill(rng, networks, limits=limits), workspace=box)
+    skill = random_skill(rng, networks, limits=limits)
+    edges = Switching(np.array([False]), np.array([[0.0, 0.5]]))
+    parts = [replace(one, outputs=OPENING, switching=edges) for one in skill.primitives]
+    return replace(skill, primitives=parts, workspace=box, outputs=("opening",), digital=("grasp",))
 
 
 def _readings(rng: np.random.Generator, channels: int) -> Iterator[tuple[str, np.ndarray | None]]:

@@ -8,11 +8,15 @@ from typing import Any
 
 import numpy as np
 from feedback_skills import random_network, random_skill, random_strokes
+from primitives_movements import reach
 
 from structlearn.core.artefacts import read_description, read_tensors, write_tensors
 from structlearn.feedback.runtime import Controller
 from structlearn.feedback.skill import Networks, ReactiveSkill, demonstrated_workspace
 from structlearn.feedback.skill_file import KIND, read_skill, write_skill
+from structlearn.primitives.outputs import Switching
+from structlearn.primitives.position import fit_position
+from structlearn.primitives.sequence import PosePrimitive
 
 STATE = ("position", "velocity", "acceleration", "orientation", "angular_velocity", "angular_acceleration")
 NUMBERS = (1e308, -1e308, 1e300, 1e15, 1e6, 1e-320, 0.0, -1.0, np.nan, np.inf)
@@ -42,6 +46,25 @@ def _write(skill: ReactiveSkill, path: Path) -> None:
     write_skill(skill, path, {"bags": {}, "parameters": "", "version": "0"})
 
 
+def write_joints(path: Path) -> None:
+    """A skill that commands five joints, a continuous and a digital output."""
+    rng, primitives = np.random.default_rng(0), []
+    stops = rng.normal(0.0, 1.0, (3, 5))
+    for name, start, goal in zip(("there", "back"), stops, stops[1:], strict=False):
+        joints, opening = (
+            fit_position([reach(rng, a, b, 0.6, 0.01, 0.02)], frame="none")
+            for a, b in ((start, goal), (start[:1], goal[:1]))
+        )
+        edges = np.array([[0.0, 0.7], [0.0, 0.2]])
+        primitives.append(
+            PosePrimitive(name, joints, outputs=opening, switching=Switching(np.array([False]), edges))
+        )
+    paths, names = [one.position.unroll(0.01).position for one in primitives], tuple("abcde")
+    box = demonstrated_workspace(paths, 0.0, names)
+    skill = ReactiveSkill(primitives, workspace=box, joints=names, outputs=("o",), digital=("d",))
+    write_skill(skill, path, {"bags": {}, "parameters": "", "version": "0"})
+
+
 def sign(path: Path, tensors: dict[str, np.ndarray]) -> None:
     """Give a skill other numbers."""
     write_tensors(tensors, path, read_description(path))
@@ -56,7 +79,8 @@ def run(path: Path) -> np.ndarray:
     rows = []
     while not controller.finished and len(rows) < 2000:
         controller.tick(samples[len(rows) % 50])
-        rows.append(np.concatenate([controller.coupling, *(getattr(controller, name) for name in STATE)]))
+        outputs = controller.coupling, controller.outputs
+        rows.append(np.concatenate([*outputs, *(getattr(controller, name) for name in STATE)]))
     table = np.array(rows)
     if not np.isfinite(table).all():
         raise FloatingPointError("an output is not finite")

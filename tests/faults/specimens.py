@@ -132,6 +132,20 @@ def _episodes(path: Path) -> list:
     return read_movement(_dataset(path), SimpleNamespace(topics=topic_map(pose="pose")), {})
 
 
+def _joints(path: Path) -> None:
+    """A table of joints and an output, without a pose."""
+    columns = ["time_s", "position.a", "position.b", "output.opening"]
+    _users(
+        path,
+        pd.DataFrame(np.column_stack([1.0 + 0.01 * np.arange(40), pose_rows(40)[:, :3]]), columns=columns),
+    )
+
+
+def _free(path: Path) -> Any:
+    named = {"joint_states": ("/joint_states",), "outputs": {"opening": "/output/opening"}}
+    return read_demonstrations(path, topic_map(pose=None, **named))
+
+
 def _tasks(path: Path) -> None:
     moves = [{"name": "move", "axis": "z", "threshold_m_s": 0.02}, {"name": "wipe", "axis": "strokes"}]
     entry = {"source": "x", "topics": {"pose": "/p", "wrench": "/w"}, "segment": {"primitives": moves}}
@@ -164,12 +178,14 @@ SIGNED = {
     ),
     "skill.safetensors": (forged_skills.write, forged_skills.run),
     "strokes.safetensors": (forged_skills.write_strokes, forged_skills.run),
+    "joints.safetensors": (forged_skills.write_joints, forged_skills.run),
     "table.parquet": (_table, read_table),
 }  # fmt: skip
 UNSIGNED = {
     "unchecked.mcap": (lambda path: _bag(path, use_chunking=False, enable_crcs=False), _taken),
     "take.db3, take.bag": (_older, lambda path: read_recording(path, topic_map(pose="/tool"))),
     "poses.csv, poses.parquet": (_poses, read_demonstrations),
+    "joints.csv, joints.parquet": (_joints, _free),
     "metadata.yaml": (_described_bag, lambda path: read_demonstrations(path.parent)),
     "metrics.json": (
         lambda path: write_metrics({"error": 0.1, "runs": 3, "model": "cov", "known": True}, path),
@@ -216,5 +232,6 @@ SPECIMENS |= {
     for name, write in (
         ("forged.safetensors", forged_skills.write),
         ("forged-strokes.safetensors", forged_skills.write_strokes),
+        ("forged-joints.safetensors", forged_skills.write_joints),
     )
 }

@@ -97,6 +97,7 @@ class Take:
     position: np.ndarray  # (T, 3) m of the fingertips
     orientation: np.ndarray  # (T, 4) w, x, y, z
     opening: np.ndarray  # (T,) m of each finger
+    grasps: np.ndarray  # (T,) whether the gripper is told to close
     load: np.ndarray  # (T,) kg carried
     contact: np.ndarray  # (T, 3) N of a surface on the tool, in the axes of the base
     segments: np.ndarray  # (P, 2) s, visible start and end of each move (`ONSET_SPEED`)
@@ -154,7 +155,7 @@ def as_recording(take: Take) -> Recording:
 
 
 def write_takes(made: Sequence[Take], folder: Path) -> None:
-    """Write one bag per take: `/gripper/pose`, `/joint_states`, `/gripper/joint_states`, `/wrist/wrench`."""
+    """Write one bag per take: `/gripper/{pose,joint_states,grasp}`, `/joint_states`, `/wrist/wrench`."""
     for take in made:
         write_bag(folder / f"{take.name}.mcap", to_metadata(as_recording(take)), _topics(take).items())
 
@@ -231,12 +232,13 @@ def _take(
         velocity, np.zeros(len(time)), led_by.sway_mm, GRID_HZ, np.random.default_rng(hand)
     )
     turned[:, 2] += yaw
-    held = np.zeros(len(time))
+    held, told = np.zeros(len(time)), np.zeros(len(time), dtype=bool)
     for closes, opens in grasps:
         closing, opening = (made[min(moves, len(made)) - 1].end for moves in (closes, opens))
         closed = np.interp(time, closing + np.array([0.05, 0.05 + GRIPPER_S]), [0, 1])
         opened = np.interp(time, opening + np.array([0.0, GRIPPER_S]) + 0.3 * (closes == opens), [0, 1])
         held += closed * (1 - opened)
+        told |= (closed > 0.0) & (opened == 0.0)
     return Take(
         name,
         tuple(move for move, _ in goals),
@@ -244,6 +246,7 @@ def _take(
         position + shaken,
         quaternion.product(quaternion.from_rotation_vector(turned), DOWN),
         OPEN_M + held * (CLOSED_M - OPEN_M),
+        told,
         PART_KG * (held > 0.9) * (closes < opens),
         np.zeros((len(time), 3)),
         np.array([move.seen for move in made]),
@@ -299,10 +302,12 @@ def _topics(take: Take) -> dict[str, RawMessages]:
     wrench = Stream("/wrist/wrench", "wrench", stamps, np.hstack([force, np.zeros_like(force)]) + noise)
     arm: dict[Kind, np.ndarray] = {"joint_positions": angles, "joint_velocities": velocities}
     hand = ["panda_finger_joint1", "panda_finger_joint2"]
+    told = Stream("/gripper/grasp", "digital", fingers, take.grasps[::GRIPPER_EVERY, None].astype(float))
     return {
         capture.topic: to_messages(take.name, capture),
         "/joint_states": joint_messages(take.name, names, stamps, arm),
         "/gripper/joint_states": joint_messages(take.name, hand, fingers, {"joint_positions": opening}),
+        told.topic: to_messages(take.name, told),
         wrench.topic: to_messages(take.name, wrench),
     }
 

@@ -145,6 +145,7 @@ def _take(
         position,
         quaternion.product(quaternion.from_rotation_vector(turned), DOWN),
         np.full(len(time), OPEN_M),
+        np.zeros(len(time), dtype=bool),
         np.zeros(len(time)),
         contact_force(position, velocity, edge, tilt_deg),
         segments,

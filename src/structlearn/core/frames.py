@@ -12,7 +12,9 @@ SIDE = np.array([0.0, 1.0, 0.0])
 STEEP_COSINE = 0.9
 """|cos| of the angle to the vertical (about 25 degrees) beyond which a reach counts as steep."""
 
-FrameKind = Literal["up", "side", "world"]
+FrameKind = Literal["up", "side", "world", "none"]
+"""Definition of a local frame; `none`: of coordinates that are no point's, such as joints, in their own
+axes."""
 
 
 def frame_kind(displacement: np.ndarray, shortest_reach: float) -> FrameKind:
@@ -34,12 +36,13 @@ def local_frame(
     """Rotation matrix of the local frame: its columns are the local axes in the base frame.
 
     x points from start to goal. `up`: z is orthogonal to x and closest to up, y = z cross x (IV.6.1).
-    `side`: y is orthogonal to x and closest to `side`, z = x cross y. `world`: the base frame itself.
+    `side`: y is orthogonal to x and closest to `side`, z = x cross y. `world`: the base frame itself; `none`:
+    the coordinates (D,) of `start` themselves, as (D, D).
     `start`, `goal` (3,) m -> (3, 3) local to base, `base = frame @ local`. Raises ValueError: start and goal
     coincide, or the reach is parallel to the anchor.
     """
-    if kind == "world":
-        return np.eye(3)
+    if kind in ("world", "none"):
+        return np.eye(np.shape(start)[-1])
     displacement = np.asarray(goal, dtype=float) - np.asarray(start, dtype=float)
     length = np.linalg.norm(displacement)
     if length == 0.0:

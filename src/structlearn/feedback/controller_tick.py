@@ -31,10 +31,11 @@ class Plan(NamedTuple):
     rows: np.ndarray  # (P + 1,) first row of each primitive
     matrix: np.ndarray  # (P, 3, 5) `transformation.step_matrix`
     tau: np.ndarray  # (P,) time constants in s
-    position_goal: np.ndarray  # (P, 3) m
+    position_goal: np.ndarray  # (P, N) m, or of joints; N = 3 of a pose
     orientation_goal: np.ndarray  # (P, 4)
-    position_forcing: np.ndarray  # (R, 3) in the base frame
+    position_forcing: np.ndarray  # (R, N) in the base frame
     orientation_forcing: np.ndarray  # (R, 3)
+    outputs: np.ndarray  # (R, K) continuous outputs, then digital ones
     expected: np.ndarray  # (R, E) expected sensor traces; NaN where a primitive has none
     axes: np.ndarray  # (D,) indices in `coupling.AXES` of the coupling's axes
     kernels: np.ndarray  # (P, D) addresses of the networks' kernels, 0 without a network
@@ -51,7 +52,7 @@ class State(NamedTuple):
     """State of a run, updated by every tick."""
 
     clock: np.ndarray  # (5,) see `ROW`
-    point: np.ndarray  # (3, 1, 3) x - G, tau xd, g - G at the due row
+    point: np.ndarray  # (3, 1, N) x - G, tau xd, g - G at the due row
     turned: np.ndarray  # (1, 4) orientation at the due row
     rate: np.ndarray  # (1, 3) tau w
     remaining: np.ndarray  # (1, 3) rotation vector from the steady to the evolving goal
@@ -60,20 +61,21 @@ class State(NamedTuple):
     last_valid: np.ndarray  # (E,) newest valid sensor sample
     sensor_offset: np.ndarray  # (E,) mean of the first samples of the run, complete after `OFFSET_SAMPLES`
     deviation: np.ndarray  # (E,) last_valid - sensor_offset - expected
-    path: np.ndarray  # (3, 1, 1, 3) output: position, velocity, acceleration
+    path: np.ndarray  # (3, 1, 1, N) output: position, velocity, acceleration
     orientation: np.ndarray  # (1, 1, 4) output
     turning: np.ndarray  # (2, 1, 1, 3) output: angular velocity, angular acceleration
-    coupling_vector: np.ndarray  # (2, 1, 3) c of position and orientation; 0 except on the axes
+    outputs: np.ndarray  # (K,) output: those of the due row
+    coupling_vector: np.ndarray  # (2, 1, N or 3) c of position and orientation; 0 except on the axes
     memory: np.ndarray  # (D, M) memory of the networks
 
 
 def resting_state(plan: Plan) -> State:
     """Preallocated state for runs of a plan."""
-    channels = plan.expected.shape[1]
+    channels, width = plan.expected.shape[1], plan.position_goal.shape[1]
     turned = np.array([[1.0, 0.0, 0.0, 0.0]])
     return State(
         clock=np.zeros(5, dtype=np.int64),
-        point=np.zeros((3, 1, 3)),
+        point=np.zeros((3, 1, width)),
         turned=turned,
         rate=np.zeros((1, 3)),
         remaining=np.zeros((1, 3)),
@@ -82,10 +84,11 @@ def resting_state(plan: Plan) -> State:
         last_valid=np.zeros(channels),
         sensor_offset=np.zeros(channels),
         deviation=np.full(channels, np.nan),
-        path=np.zeros((3, 1, 1, 3)),
+        path=np.zeros((3, 1, 1, width)),
         orientation=turned[None].copy(),
         turning=np.zeros((2, 1, 1, 3)),
-        coupling_vector=np.zeros((2, 1, 3)),
+        outputs=np.zeros(plan.outputs.shape[1]),
+        coupling_vector=np.zeros((2, 1, max(width, 3))),
         memory=np.zeros((len(plan.axes), plan.memory.max(initial=0))),
     )
 
@@ -131,13 +134,14 @@ def begin(run: np.ndarray, primitive: int) -> None:
     state.coupling[:] = 0.0  # the phase velocity is 0, and the goal absorbs the predecessor's coupling
     state.turned[0] = state.orientation[0, 0]
     remaining = state.remaining[0]
-    for d in range(3):
+    for d in range(state.path.shape[3]):
         x, xd, xdd = state.path[0, 0, 0, d], state.path[1, 0, 0, d], state.path[2, 0, 0, d]
         goal = plan.position_goal[primitive, d]
         state.point[0, 0, d] = x - goal
         state.point[1, 0, d] = tau * xd
         first_goal = transformation.compiled_initial_goal(x, xd, xdd, tau, plan.position_forcing[row, d])
         state.point[2, 0, d] = first_goal - goal
+    for d in range(3):
         w, wd = state.turning[0, 0, 0, d], state.turning[1, 0, 0, d]
         state.rate[0, d] = tau * w
         forcing = plan.orientation_forcing[row, d]
@@ -202,6 +206,8 @@ def _sample(plan: Plan, state: State, sensor_flags: int) -> int:
         state.deviation[i] = state.last_valid[i] - state.sensor_offset[i] - plan.expected[row, i]
     if sensor_flags & (WAITING | NO_OFFSET):
         state.deviation[:] = np.nan
+    for k in range(len(state.outputs)):
+        state.outputs[k] = plan.outputs[row, k]
     flags = 0
     for place in range(len(plan.axes)):
         wanted = _coupling(plan, state, row, primitive, place, sensor_flags)
@@ -210,10 +216,11 @@ def _sample(plan: Plan, state: State, sensor_flags: int) -> int:
         flags |= fault
     matrix, tau = plan.matrix[primitive], plan.tau[primitive]
     goal, turned_goal = plan.position_goal[primitive], plan.orientation_goal[primitive]
-    forcing = plan.position_forcing[row : following + 1].reshape(1, -1, 3)
+    width = len(goal)
+    forcing = plan.position_forcing[row : following + 1].reshape(1, -1, width)
     turning = plan.orientation_forcing[row : following + 1].reshape(1, -1, 3)
     transformation.step_batch(
-        0, matrix, tau, goal.reshape(1, 3), state.point, forcing, state.coupling_vector[0], state.path
+        0, matrix, tau, goal.reshape(1, width), state.point, forcing, state.coupling_vector[0], state.path
     )
     turn = (state.turned, state.rate, state.remaining)
     orientation.step_batch(

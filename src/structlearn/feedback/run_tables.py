@@ -14,12 +14,12 @@ from structlearn.feedback.coupling_model import CouplingModel
 from structlearn.feedback.skill import ReactiveSkill, real_numbers
 from structlearn.primitives import transformation, via_points
 from structlearn.primitives.orientation import QuaternionPrimitive
-from structlearn.primitives.sequence import PoseGoal, default_goals, default_start
+from structlearn.primitives.sequence import PoseGoal, default_goals, default_start, unrolled_outputs
 from structlearn.primitives.vector import sample_count
 
 Place = tuple[int, int]  # index of the primitive, index of the axis
-Point = tuple[np.ndarray, np.ndarray, np.ndarray]  # position, velocity, acceleration (3,) each
-ViaPoints = Mapping[int, np.ndarray]  # positions (3,) m by row of the plan
+Point = tuple[np.ndarray, np.ndarray, np.ndarray]  # position, velocity, acceleration (N,) each
+ViaPoints = Mapping[int, np.ndarray]  # positions (N,), m or of joints, by row of the plan
 
 HELD_DURATIONS = 4.0
 """Durations for which the last primitive's terms continue after its end; then u is 1e-11, and is set to 0."""
@@ -82,20 +82,31 @@ def plan_in_time(
         for own, tau, count in zip(movements, taus, counts, strict=True)
     ]
     phases[-1][1][-1] = 0.0
+    position_goal = np.array([goal.position for goal in goals], dtype=float)
     return Plan(
         rows=rows,
         matrix=np.stack([transformation.step_matrix(dt / tau) for tau in taus]),
         tau=taus,
-        position_goal=np.array([goal.position for goal in goals], dtype=float),
+        position_goal=position_goal,
         orientation_goal=np.array([goal.orientation for goal in goals], dtype=float),
-        position_forcing=np.zeros((rows[-1], 3)),
+        position_forcing=np.zeros((rows[-1], position_goal.shape[1])),
         orientation_forcing=turning,
+        outputs=_outputs(skill, dt, durations, counts),
         expected=expected,
         axes=np.array([AXES.index(axis) for axis in axes], dtype=np.int64),
         limits=limits.of(axes, dt),
         timeouts=np.array([round(limits.offset_within_s * rate_hz), round(limits.stale_after_s * rate_hz)]),
         **compiled_networks(networks, phases, len(axes)),
     )
+
+
+def _outputs(
+    skill: ReactiveSkill, dt: float, durations: Sequence[float], counts: Sequence[int]
+) -> np.ndarray:
+    """Continuous, then digital outputs (R, K); digital ones are 0 or 1."""
+    paths, states = unrolled_outputs(skill.primitives, dt, durations, counts)
+    parts = [[path.position for path in paths], states]
+    return np.hstack([np.empty((sum(counts), 0)), *(np.concatenate(part) for part in parts if part)])
 
 
 def compiled_networks(
@@ -137,14 +148,14 @@ def forcing_in_base_frame(
     goals: np.ndarray,
     via: ViaPoints,
 ) -> np.ndarray:
-    """A forcing term (R, 3) of the plan's positions, with new rows from primitive `first` on.
+    """A forcing term (R, N) of the plan's positions, with new rows from primitive `first` on.
 
     Frame and amplitude of a primitive are those of its reach from where it starts without feedback, so the
     primitives are unrolled from `state`, at the start of the first. Shifts by feedback are absorbed by the
     evolving goal.
 
-    `goals`: (P, 3) m. Raises InputError: a primitive's start and goal define no local frame, or as
-    `through_via_points`.
+    `goals`: (P, N) m, or of joints. Raises InputError: a primitive's start and goal define no local frame, or
+    as `through_via_points`.
     """
     forcing = forcing.copy()
     for index in range(first, len(plan.tau)):
@@ -155,7 +166,7 @@ def forcing_in_base_frame(
         except ValueError as error:
             raise InputError(f"'{primitive.name}' from {state[0]} to {goals[index]}: {error}") from error
         part = slice(plan.rows[index], plan.rows[index + 1])
-        weights = local.weights_towards(np.zeros(3), (goals[index] - state[0]) @ axes)
+        weights = local.weights_towards(np.zeros_like(state[0]), (goals[index] - state[0]) @ axes)
         forcing[part] = local.features(part.stop - part.start, dt / tau) @ weights @ axes.T
         forcing[part], state = through_via_points(
             skill, plan, dt, part.start, state, goals[index], forcing[part], via
@@ -174,9 +185,9 @@ def through_via_points(
     forcing: np.ndarray,
     via: ViaPoints,
 ) -> tuple[np.ndarray, Point]:
-    """Forcing term (T, 3) of a primitive from a row on, changed to pass its via points, and its end state.
+    """Forcing term (T, N) of a primitive from a row on, changed to pass its via points, and its end state.
 
-    `state`: at the row. `forcing`: (T, 3) without what is still missing. Raises InputError: a via point is
+    `state`: at the row. `forcing`: (T, N) without what is still missing. Raises InputError: a via point is
     too close to the row, to another or to the end, or takes a detour that is faster than the movement.
     """
     index = int(np.searchsorted(plan.rows, row, side="right")) - 1
@@ -188,8 +199,8 @@ def through_via_points(
         duration = tau * primitive.duration / primitive.position.local.time_constant(primitive.duration)
         ends = np.array([0, *rows, sample_count(duration, dt) - 1 - (row - plan.rows[index])])
         missing = np.array([via[row + at] - path.position[at] for at in rows])
-        steps = np.diff([np.zeros(3), *missing, np.zeros(3)], axis=0)
-        what = f"a via point of '{primitive.name}'"
+        steps = np.diff([np.zeros_like(x), *missing, np.zeros_like(x)], axis=0)
+        what, unit = f"a via point of '{primitive.name}'", "of joints per s" if skill.joints else "m/s"
         if np.diff(ends).min() < FEWEST_ROWS:
             raise InputError(
                 f"{what} is less than {FEWEST_ROWS} ticks from now, from the end or from another"
@@ -198,8 +209,8 @@ def through_via_points(
         planned = primitive.position.unroll(dt, duration=duration).velocity
         if speed > (fastest := np.linalg.norm(planned, axis=1).max()):
             raise InputError(
-                f"{what} takes a detour at {speed:.3g} m/s, faster than the movement itself "
-                f"({fastest:.3g} m/s): ask for it earlier or nearer"
+                f"{what} takes a detour at {speed:.3g} {unit}, faster than the movement itself "
+                f"({fastest:.3g} {unit}): ask for it earlier or nearer"
             )
         forcing = forcing + via_points.forcing_change(ends[1:].tolist(), missing, len(forcing), dt / tau)
         path = transformation.unroll(x, goal, forcing, dt, tau, xd, xdd)
@@ -255,8 +266,8 @@ def checked_goals(skill: ReactiveSkill, goals: Sequence[PoseGoal] | None) -> lis
 
 
 def checked_point(skill: ReactiveSkill, position: np.ndarray, what: str) -> np.ndarray:
-    """A position (3,). Raises InputError: not finite, or outside the skill's workspace."""
-    point = _finite(position, 3, what)
+    """A position (3,), or (J,) of joints. Raises InputError: not finite, or outside the skill's workspace."""
+    point = _finite(position, len(skill.joints) or 3, what)
     if skill.workspace is not None:
         skill.workspace.require(point, what)
     return point

@@ -48,12 +48,13 @@ class Controller:
     same for the controller's lifetime and are overwritten by the next tick.
 
     Attributes:
-        position: (3,) m.
+        position: (3,) m; of a skill that commands joints (J,), in its `joints`' order, like the next two.
         velocity: (3,) m/s.
         acceleration: (3,) m/s^2.
         orientation: (4,) unit quaternion.
         angular_velocity: (3,) rad/s, base frame.
         angular_acceleration: (3,) rad/s^2, base frame.
+        outputs: (K,) what the skill commands beside: its `outputs`, then its `digital` ones, 1 if on.
         deviation: (E,) newest good sample - offset - expected; NaN where one of them is unknown.
         coupling: (D,) coupling terms c on the skill's axes, m or rad.
     """
@@ -89,6 +90,7 @@ class Controller:
         self.position, self.velocity, self.acceleration = map(_read_only, self._state.path[:, 0, 0])
         self.angular_velocity, self.angular_acceleration = map(_read_only, self._state.turning[:, 0, 0])
         self.orientation = _read_only(self._state.orientation[0, 0])
+        self.outputs = _read_only(self._state.outputs)
         self.deviation, self.coupling = _read_only(self._state.deviation), _read_only(self._state.coupling)
 
     def __getstate__(self) -> tuple[tuple[Any, ...], list[np.ndarray], bool, int, dict[int, np.ndarray]]:
@@ -113,9 +115,10 @@ class Controller:
     def start(self, position: np.ndarray, orientation: np.ndarray | None = None) -> None:
         """Begin a run at rest, to the controller's goals; also compiles the functions that ticks call.
 
-        `position`: (3,) m. `orientation`: (4,) unit quaternion (w, x, y, z); may be omitted if no primitive
-        has orientations. Raises InputError: the pose is not finite, outside the skill's workspace, far from
-        the demonstrated orientation or no unit quaternion, or a reach has no direction.
+        `position`: (3,) m, or (J,) of joints. `orientation`: (4,) unit quaternion (w, x, y, z); may be
+        omitted if no primitive has orientations. Raises InputError: the pose is not finite, outside the
+        skill's workspace, far from the demonstrated orientation or no unit quaternion, or a reach has no
+        direction.
         """
         plan, state = self._plan, self._state
         position = run_tables.checked_point(self.skill, position, "the position at the start")
@@ -124,7 +127,7 @@ class Controller:
             orientation = run_tables.checked_start_orientation(self.skill, orientation)
         else:
             orientation = quaternion.IDENTITY
-        at_rest = (position, np.zeros(3), np.zeros(3))
+        at_rest = (position, np.zeros_like(position), np.zeros_like(position))
         goals, turned_goals = self._goals
         forcing = run_tables.forcing_in_base_frame(
             self.skill, plan, self._dt, plan.position_forcing, 0, at_rest, goals, {}
@@ -146,7 +149,8 @@ class Controller:
         controller_tick.begin(self._run, 0)
         before = {name: array.copy() for name, array in state._asdict().items()}
         controller_tick.tick(self._run, False)
-        for name in before.keys() - {"path", "turning", "orientation", "deviation"}:  # all but outputs
+        # all but what a tick shows
+        for name in before.keys() - {"path", "turning", "orientation", "outputs", "deviation"}:
             getattr(state, name)[:] = before[name]
         self._started, self._skipped, self._via = True, 0, {}
 
@@ -177,7 +181,7 @@ class Controller:
         Position, velocity and acceleration stay continuous: the running primitive keeps its forcing term,
         later ones are replanned from where they will start. Takes some tenths of a ms.
 
-        `position`: (3,) m. `orientation`: (4,) unit quaternion; default: unchanged.
+        `position`: (3,) m, or (J,) of joints. `orientation`: (4,) unit quaternion; default: unchanged.
 
         Raises:
             InputError: no such primitive, it has ended, or the goal is invalid or outside the workspace;

@@ -80,27 +80,29 @@ Networks = Mapping[str, Mapping[Axis, CouplingModel]]
 
 @dataclass(frozen=True)
 class Workspace:
-    """A box along the axes of the base frame.
+    """A box along the axes of the base frame, or of joints.
 
     Raises InputError: the corners are not finite points, or in the wrong order.
     """
 
-    low: np.ndarray  # (3,) m
-    high: np.ndarray  # (3,) m
+    low: np.ndarray  # (3,) m; of joints (J,)
+    high: np.ndarray  # (3,) m; of joints (J,)
+    joints: tuple[str, ...] = ()  # (J,) names
 
     def __post_init__(self) -> None:
-        rule = "a workspace needs a low and a high corner"
-        low, high = (real_numbers(corner, (3,), rule) for corner in (self.low, self.high))
+        rule, shape = "a workspace needs a low and a high corner", (len(self.joints) or 3,)
+        low, high = (real_numbers(corner, shape, rule) for corner in (self.low, self.high))
         if not (np.isfinite([low, high]).all() and (low < high).all()):
             raise InputError(f"{rule}, has {self.low} and {self.high}")
 
     def require(self, point: np.ndarray, what: str) -> None:
-        """Raise InputError, naming axes and distances, if a point (3,) is outside."""
-        beyond = np.maximum(self.low - point, point - self.high)
+        """Raise InputError, naming axes or joints and distances, if a point (3,) or (J,) is outside."""
+        beyond, unit = np.maximum(self.low - point, point - self.high), "" if self.joints else " m"
+        rows = zip(self.joints or "xyz", point, beyond, self.low, self.high, strict=True)
         faults = [
-            f"{axis} = {value:.4g} m is {excess:.3g} m {'below' if value < low else 'above'} "
+            f"{axis} = {value:.4g}{unit} is {excess:.3g}{unit} {'below' if value < low else 'above'} "
             f"[{low:.4g}, {high:.4g}]"
-            for axis, value, excess, low, high in zip("xyz", point, beyond, self.low, self.high, strict=True)
+            for axis, value, excess, low, high in rows
             if excess > 0.0
         ]
         if faults:
@@ -123,6 +125,9 @@ class ReactiveSkill:
     # suggested stiffness of all primitives or of none (`primitives.stiffness`): (M, A) at equal parts of the
     # duration, along x, y, z in N/m and, with A = 6, about them in N m/rad
     stiffness: Mapping[str, np.ndarray] = field(default_factory=dict)
+    joints: tuple[str, ...] = ()  # (J,) names, if it commands joints: the positions of all primitives
+    outputs: tuple[str, ...] = ()  # (C,) names of the continuous outputs of all primitives
+    digital: tuple[str, ...] = ()  # (B,) and of the digital ones
 
     def __post_init__(self) -> None:
         names = [primitive.name for primitive in self.primitives]
@@ -135,6 +140,7 @@ class ReactiveSkill:
             for name in parts:
                 if name not in names:
                     raise InputError(f"there are {kind} for '{name}', but no such primitive")
+        self._require_widths()
         turned = any(map(turns, self.axes))
         for primitive in self.primitives:
             orientation = primitive.orientation
@@ -175,6 +181,27 @@ class ReactiveSkill:
                 if error := network.validation_error():
                     raise InputError(f"{what} {error}")
         self.limits.of(self.axes, 1.0)
+
+    def _require_widths(self) -> None:
+        """Raise InputError if primitives have other numbers of joints or outputs than the skill names."""
+        if self.joints and self.networks:
+            raise InputError("feedback corrects a pose, but the skill commands joints")
+        if self.workspace is not None and self.workspace.joints != self.joints:
+            raise InputError(f"the workspace is of {self.workspace.joints or 'a pose'}, not of the skill")
+        for one in self.primitives:
+            outputs, digital = one.outputs, one.switching
+            for what, count, names in (
+                ("coordinates", len(one.position.goal), self.joints or "xyz"),
+                ("outputs", 0 if outputs is None else len(outputs.goal), self.outputs),
+                ("digital outputs", 0 if digital is None else len(digital.first), self.digital),
+            ):
+                if count != len(names):
+                    listing = ", ".join(names) or "none"
+                    raise InputError(f"'{one.name}' has {count} {what}, the skill {len(names)}: {listing}")
+            if bool(self.joints) != (one.position.frame == "none"):
+                raise InputError(
+                    f"'{one.name}' is {'a pose' if self.joints else 'of joints'}, unlike the skill"
+                )
 
     @property
     def axes(self) -> tuple[Axis, ...]:
@@ -228,10 +255,20 @@ def real_numbers(values: Any, shape: tuple[int, ...], rule: str) -> np.ndarray:
     return np.ma.filled(array.astype(float), np.nan) if isinstance(array, np.ma.MaskedArray) else array
 
 
-def demonstrated_workspace(paths: Iterable[np.ndarray], margin_m: float) -> Workspace:
-    """Smallest box around demonstrated paths (T, 3) in m, enlarged by a margin."""
+JOINT_MARGIN = 0.1  # of the largest range of a joint: joints may be in rad, degrees or shares of a range
+
+
+def demonstrated_workspace(
+    paths: Iterable[np.ndarray], margin_m: float, joints: Sequence[str] = ()
+) -> Workspace:
+    """Smallest box around demonstrated paths (T, 3) in m, enlarged by a margin.
+
+    Around paths (T, J) of `joints`, by `JOINT_MARGIN` instead.
+    """
     points = np.concatenate(list(paths))
-    return Workspace(points.min(axis=0) - margin_m, points.max(axis=0) + margin_m)
+    low, high = points.min(axis=0), points.max(axis=0)
+    margin = JOINT_MARGIN * float(np.max(high - low)) if joints else margin_m
+    return Workspace(low - margin, high + margin, tuple(joints))
 
 
 def on_axis(networks: Mapping[str, CouplingModel], axis: Axis) -> Networks:

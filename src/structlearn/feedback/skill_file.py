@@ -1,9 +1,9 @@
 """A skill as one safetensors file: everything a robot needs, with bounds, units and provenance.
 
 Tensors are `primitives.<primitive>...` as in `primitives.primitive_files`, `expected.<primitive>.<array>`,
-`networks.<primitive>.<axis>.<array>`, `workspace` (2, 3), its low and high corner, and, if the skill suggests
-one, `stiffness.<primitive>` (M, 3 or 6). The rest is in the description, with a digest of everything
-(`core.artefacts`).
+`networks.<primitive>.<axis>.<array>`, `workspace` (2, 3), its low and high corner, (2, J) of joints, and, if
+the skill suggests one, `stiffness.<primitive>` (M, 3 or 6). Joints and outputs are in the units in which they
+were recorded. The rest is in the description, with a digest of everything (`core.artefacts`).
 """
 
 import hashlib
@@ -45,7 +45,9 @@ UNITS = {
     "wrench": "force in N, then torque in N m",
 }
 
-VERSION, RHYTHMIC = 1, 2  # of the file format: without and with rhythmic primitives
+VERSION, RHYTHMIC, BESIDE = 1, 2, 3
+"""Of the file format: of poses, with rhythmic primitives, with joints or outputs."""
+COMMANDED = ("joints", "outputs", "digital")  # keys with names, if there are any
 LARGEST = 1e9
 """Largest absolute value that is accepted; below it no tick overflows."""
 SHORTEST_S, LONGEST_S = 1e-3, 1000.0  # of a primitive: at least a tick; more suggests a unit error
@@ -86,12 +88,15 @@ def write_skill(skill: ReactiveSkill, path: str | Path, provenance: Mapping[str,
         models[name] = {axis: module_name(network) for axis, network in by_axis.items()}
         for axis, network in by_axis.items():
             tensors |= prefixed(f"networks.{name}.{axis}", network.arrays())
+    named = {key: list(names) for key in COMMANDED if (names := getattr(skill, key))}
+    rhythmic = any(one.rhythm is not None for one in skill.primitives)
     description = {
-        "version": RHYTHMIC if any(one.rhythm is not None for one in skill.primitives) else VERSION,
+        "version": BESIDE if named else RHYTHMIC if rhythmic else VERSION,
         "primitives": kinds,
         "expected": list(skill.expected),
         "networks": models,
         "sensors": skill.sensors,
+        **named,
         "limits": skill.limits.model_dump(),
         "units": UNITS,
         "readings": READINGS,
@@ -122,7 +127,8 @@ def read_skill(path: str | Path) -> ReactiveSkill:
             }
             for name, by_axis in described["networks"].items()
         }
-        workspace = Workspace(*tensors["workspace"])
+        named = {key: _names(described, key) for key in COMMANDED}
+        workspace = Workspace(*tensors["workspace"], named["joints"])
         skill = ReactiveSkill(
             pose_primitives(described["primitives"], tensors_below("primitives", tensors)),
             expected,
@@ -130,7 +136,8 @@ def read_skill(path: str | Path) -> ReactiveSkill:
             checked(described["limits"], Limits, KIND, "limits"),
             workspace,
             tuple((name, count) for name, count in described["sensors"]),
-            tensors_below("stiffness", tensors),
+            stiffness=tensors_below("stiffness", tensors),
+            **named,
         )
         for pose in (default_start(skill.primitives), *default_goals(skill.primitives)):
             workspace.require(pose.position, "a demonstrated start or goal")
@@ -166,11 +173,22 @@ def _described(path: str | Path) -> dict[str, Any]:
         return json.loads(description)[KIND]
 
 
+def _names(described: Mapping[str, Any], key: str) -> tuple[str, ...]:
+    """Names of joints or outputs. Raises InputError: they are none."""
+    names = described.get(key, [])
+    if not isinstance(names, list) or not all(isinstance(name, str) and name for name in names):
+        raise InputError(f"its {key} are {names!r}, not names")
+    if len(set(names)) < len(names):
+        raise InputError(f"two of its {key} have one name: {', '.join(names)}")
+    return tuple(names)
+
+
 def _check(tensors: Mapping[str, np.ndarray], described: Mapping[str, Any]) -> None:
     """Refuse other versions and units, missing limits, and numbers or durations out of range."""
-    if (version := described.get("version")) not in (VERSION, RHYTHMIC):
+    if (version := described.get("version")) not in (VERSION, RHYTHMIC, BESIDE):
         raise InputError(
-            f"a skill file of version {version}; version {VERSION} is read, and {RHYTHMIC} with strokes"
+            f"a skill file of version {version}; version {VERSION} is read, and {RHYTHMIC} with strokes, "
+            f"{BESIDE} with joints or outputs"
         )
     if described["units"] != UNITS:
         raise InputError(f"its units are not those of a skill: {json.dumps(UNITS)}")

@@ -12,8 +12,10 @@ from pydantic import Field
 from structlearn.core import quaternion
 from structlearn.core.errors import InputError
 from structlearn.core.params import Parameters
+from structlearn.primitives import canonical
 from structlearn.primitives.kernels import Regression
 from structlearn.primitives.orientation import QuaternionPrimitive, fit_rhythmic_quaternion
+from structlearn.primitives.outputs import Switching, hysteresis, switched, typical
 from structlearn.primitives.position import (
     FrameChoice,
     fit_position,
@@ -48,8 +50,13 @@ class FitParameters(Parameters):
 
 MARGIN_TICKS = 200  # of recorded time around strokes, with which they are filtered
 
-REPRODUCTION_ERRORS = ("mean_mm", "max_mm", "end_mm", "mean_deg", "max_deg", "end_deg")
-"""Columns of reproduction errors; those in degrees exist only with orientations."""
+REPRODUCTION_ERRORS = (
+    *("mean_mm", "max_mm", "end_mm", "mean_deg", "max_deg", "end_deg"),
+    *("mean_joint", "max_joint", "end_joint"),
+)
+"""Columns of reproduction errors; those in degrees exist only with orientations. Joints have theirs instead,
+in
+the unit of the joints."""
 
 Segment = tuple[Trajectory, OrientationTrajectory | None]
 """Position and, where recorded, orientation of one primitive in one demonstration."""
@@ -197,7 +204,8 @@ def learn_primitive(name: str, segments: Sequence[Segment], parameters: FitParam
     if rhythms:
         count = parameters.kernel_count
         turning = fit_rhythmic_quaternion(orientations(segments), rhythms, count) if any(turns) else None
-        return PosePrimitive(name, fit_rhythmic_position(positions, rhythms, count), turning)
+        point = fit_rhythmic_position(positions, rhythms, count, parameters.frame_choice)
+        return PosePrimitive(name, point, turning)
     choice = (parameters.regression, parameters.kernel_count)
     orientation = fit_orientation(orientations(segments), *choice) if any(turns) else None
     position = fit_position(positions, parameters.scaled_axes, *choice, parameters.frame_choice)
@@ -212,7 +220,71 @@ def learn_sequence(
     `cuts`: by primitive in order of time, each as in `segment_paths`.
     """
     segments = sequence_segments(demonstrations, cuts, parameters.smoothing_hz)
-    return [learn_primitive(name, of_primitive, parameters) for name, of_primitive in segments.items()]
+    learned = [learn_primitive(name, of_primitive, parameters) for name, of_primitive in segments.items()]
+    if demonstrations[0].outputs is not None:
+        beside = output_segments(demonstrations, cuts, parameters.smoothing_hz)
+        as_is = without_frame(parameters)
+        for place, (name, of_primitive) in enumerate(beside.items()):
+            outputs = learn_primitive(name, of_primitive, as_is).position
+            learned[place] = replace(learned[place], outputs=outputs)
+    if demonstrations[0].digital is not None:
+        for place, states in enumerate(digital_segments(demonstrations, cuts).values()):
+            steady = learned[place].rhythm is not None  # the number of strokes varies, so no edge has a phase
+            learned[place] = replace(learned[place], switching=learn_switching(states, steady))
+    return learned
+
+
+def without_frame(parameters: FitParameters) -> FitParameters:
+    """The same for coordinates that are no point's: joints, outputs."""
+    return _WithoutFrame(**parameters.model_dump(include=set(FitParameters.model_fields)))
+
+
+class _WithoutFrame(FitParameters):
+    @property
+    def frame_choice(self) -> FrameChoice:
+        return "none"
+
+
+def output_segments(
+    demonstrations: Sequence[Demonstration], cuts: Mapping[str, pd.DataFrame], smoothing_hz: float
+) -> dict[str, list[Segment]]:
+    """As `sequence_segments`, of the continuous outputs in place of the position.
+
+    Raises InputError: a demonstration has none.
+    """
+    beside = [replace(run, position=run.signal("outputs"), orientation=None) for run in demonstrations]
+    return sequence_segments(beside, cuts, smoothing_hz)
+
+
+def digital_segments(
+    demonstrations: Sequence[Demonstration], cuts: Mapping[str, pd.DataFrame]
+) -> dict[str, list[np.ndarray]]:
+    """States (T_l, B) of the digital outputs in each primitive's segments.
+
+    Raises InputError: a demonstration has none.
+    """
+    low, high = hysteresis([run.signal("digital") for run in demonstrations])
+    states = {run.name: (run.dt, switched(run.signal("digital"), low, high)) for run in demonstrations}
+    return {
+        name: [
+            on[round(start / dt) : round(end / dt) + 1]
+            for (dt, on), start, end in zip(
+                (states[str(run)] for run in rows.index), rows["start_s"], rows["end_s"], strict=True
+            )
+        ]
+        for name, rows in cuts.items()
+    }
+
+
+def learn_switching(states: Sequence[np.ndarray], steady: bool = False) -> Switching:
+    """Switching of a primitive from states (T_l, B); `steady`: as they are for most of the time."""
+    if steady:
+        return Switching(np.mean([own.mean(axis=0) for own in states], axis=0) > 0.5, np.empty((0, 2)))
+    firsts, alike = zip(*(typical(states, output) for output in range(states[0].shape[1])), strict=True)
+    pairs = [(output, share) for output, own in enumerate(alike) for share in np.median(own, axis=0)]
+    edges = np.array(pairs, dtype=float).reshape(-1, 2)
+    edges[:, 1] = canonical.phase(edges[:, 1], canonical.TAU_PER_DURATION)[0]
+    return Switching(np.array(firsts), edges)
 
 
 def cross_validation(
@@ -290,7 +362,7 @@ def reproduction_errors(primitive: PosePrimitive, segments: Sequence[Segment]) -
     Rhythmic ones also have its number of cycles and amplitude, and are compared at the same phase.
 
     One row per segment: `mean_mm`, `max_mm`, `end_mm`, `nmse` (all axes together) and, with an orientation,
-    `mean_deg`, `max_deg`, `end_deg`.
+    `mean_deg`, `max_deg`, `end_deg`; without a frame `mean_joint`, `max_joint`, `end_joint`.
     """
     return pd.DataFrame([_errors(primitive, segment) for segment in segments])
 
@@ -313,8 +385,9 @@ def _errors(primitive: PosePrimitive, segment: Segment) -> dict[str, float]:
     """Row of `reproduction_errors`."""
     position, orientation = segment
     path, turn = unrolled(primitive, segment)
-    distance = 1e3 * np.linalg.norm(path.position - position.position, axis=1)
-    row = {"mean_mm": distance.mean(), "max_mm": distance.max(), "end_mm": distance[-1]}
+    factor, unit = (1.0, "joint") if primitive.position.frame == "none" else (1e3, "mm")
+    distance = factor * np.linalg.norm(path.position - position.position, axis=1)
+    row = {f"mean_{unit}": distance.mean(), f"max_{unit}": distance.max(), f"end_{unit}": distance[-1]}
     row["nmse"] = _overall_nmse(path.position, position.position)
     if orientation is not None and turn is not None:
         angle = np.degrees(quaternion.angle_between(turn.orientation, orientation.orientation))
@@ -341,4 +414,5 @@ def reproduction_summary(errors: pd.DataFrame) -> pd.DataFrame:
 
 def _overall_nmse(prediction: np.ndarray, target: np.ndarray) -> float:
     """NMSE over all axes together, (T, D) each: axes without motion cause no division by zero."""
-    return float(np.sum((prediction - target) ** 2) / np.sum((target - target.mean(axis=0)) ** 2))
+    spread = np.sum((target - target.mean(axis=0)) ** 2)
+    return float(np.sum((prediction - target) ** 2) / max(spread, np.finfo(float).tiny))

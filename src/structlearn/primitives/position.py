@@ -23,9 +23,10 @@ from structlearn.primitives.vector import (
 SHORTEST_REACH = 0.01
 """m; shorter reaches use the base frame, because their direction is mostly noise."""
 
-FrameChoice = Literal["auto", "reach", "base"]
+FrameChoice = Literal["auto", "reach", "base", "none"]
 """Frame in which a movement is learned: along its reach (IV.6.1), in the axes of the base, or `auto`: along
-the reach, unless the demonstrations clearly agree better in the axes of the base (`CLOSER`)."""
+the reach, unless the demonstrations clearly agree better in the axes of the base (`CLOSER`). `none`: joints
+and other coordinates (D,), which take the place of x, y, z below, are learned as they are."""
 
 CLOSER = 0.5
 """Scatter of the demonstrations in the axes of the base, over that in their local frames, below which the
@@ -77,11 +78,11 @@ class PositionPrimitive:
         axes = local_frame(start, goal, self.frame) if frame is None else frame
         path = self.local.unroll(
             dt,
-            start=np.zeros(3),
+            start=np.zeros_like(start),
             goal=(goal - start) @ axes,
             duration=duration,
-            velocity=None if velocity is None else np.broadcast_to(velocity, 3) @ axes,
-            acceleration=None if acceleration is None else np.broadcast_to(acceleration, 3) @ axes,
+            velocity=None if velocity is None else np.broadcast_to(velocity, start.shape) @ axes,
+            acceleration=None if acceleration is None else np.broadcast_to(acceleration, start.shape) @ axes,
             coupling=coupling,
             until=until,
         )
@@ -112,11 +113,12 @@ def fit_rhythmic_position(
     demonstrations: Sequence[Trajectory],
     rhythms: Sequence[Rhythm],
     kernel_count: int = kernels.KERNEL_COUNT,
+    frame: FrameChoice = "base",
 ) -> PositionPrimitive:
     """As `vector.fit_rhythmic`, in the axes of the base: a reach that returns has no direction."""
     fitted = fit_rhythmic(demonstrations, rhythms, kernel_count)
-    local = replace(fitted, start=np.zeros(3), goal=fitted.goal - fitted.start)
-    return PositionPrimitive(local, "world", fitted.start, fitted.goal)
+    local = replace(fitted, start=np.zeros_like(fitted.start), goal=fitted.goal - fitted.start)
+    return PositionPrimitive(local, "none" if frame == "none" else "world", fitted.start, fitted.goal)
 
 
 def fit_position_subsets(
@@ -152,6 +154,8 @@ class _Frames:
 
     def kind(self, used: np.ndarray) -> FrameKind:
         """Frame for the demonstrations in a mask (L,)."""
+        if self.choice == "none":
+            return "none"
         kind = frame_kind(self.reaches[used].mean(axis=0), SHORTEST_REACH)
         if self.choice == "base" or kind == "world":
             return "world"
@@ -178,9 +182,9 @@ def _scatter(curves: np.ndarray) -> float:
     return float(np.sqrt(np.mean(np.sum((curves - curves.mean(axis=0)) ** 2, axis=2))))
 
 
-def _scaled(scaled: Sequence[bool], kind: FrameKind) -> Sequence[bool]:
+def _scaled(scaled: Sequence[bool], kind: FrameKind) -> Sequence[bool] | None:
     """Axes of the local frame to scale: none of the base frame's, which do not follow the reach."""
-    return scaled if kind != "world" else (False, False, False)
+    return scaled if kind not in ("world", "none") else None
 
 
 def in_local_frame(trajectory: Trajectory, kind: FrameKind) -> Trajectory:

@@ -1,13 +1,14 @@
 """Primitives as safetensors: all arrays by name, with non-numeric fields in the description.
 
-Names are `<primitive>.position.<array>` and `<primitive>.orientation.<array>`. Lengths are in m, angles in
-rad, times in s, quaternions scalar-first, forcing weights in the unit of the coordinate.
+Names are `<primitive>.position.<array>`, `<primitive>.orientation.<array>`, `<primitive>.outputs.<array>` and
+`<primitive>.switching.<array>`. Lengths are in m, angles in rad, times in s, quaternions scalar-first,
+forcing weights in the unit of the coordinate; joints and outputs are in the unit in which they were recorded.
 """
 
 import json
 from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import Any, Literal, TypedDict, get_args
+from typing import Any, Literal, NotRequired, TypedDict, get_args
 
 import numpy as np
 
@@ -15,6 +16,7 @@ from structlearn.core.artefacts import holding, read_description, read_tensors, 
 from structlearn.core.errors import InputError
 from structlearn.core.frames import FrameKind
 from structlearn.primitives.orientation import QuaternionPrimitive
+from structlearn.primitives.outputs import Switching
 from structlearn.primitives.position import PositionPrimitive
 from structlearn.primitives.rhythmic import PARTS, Rhythm
 from structlearn.primitives.sequence import OrientationPrimitive, PosePrimitive
@@ -32,6 +34,10 @@ class PrimitiveKind(TypedDict):
     name: str
     frame: FrameKind
     orientation: Literal["quaternion", "twist_swing"] | None
+    beside: NotRequired[list[str]]  # which of `BESIDE` it has
+
+
+BESIDE = ("outputs", "switching")
 
 
 def write_primitives(primitives: Sequence[PosePrimitive], path: str | Path) -> None:
@@ -74,6 +80,13 @@ def primitive_tensors(primitives: Sequence[PosePrimitive]) -> tuple[Tensors, lis
             form = "quaternion" if isinstance(orientation, QuaternionPrimitive) else "twist_swing"
             tensors |= prefixed(f"{name}.orientation", vector_tensors(orientation))
         kinds.append({"name": name, "frame": position.frame, "orientation": form})
+        if primitive.outputs is not None:
+            tensors |= prefixed(f"{name}.outputs", vector_tensors(primitive.outputs))
+        if primitive.switching is not None:
+            first, edges = primitive.switching.first.astype(float), primitive.switching.edges
+            tensors |= prefixed(f"{name}.switching", {"first": first, "edges": edges})
+        if beside := [part for part in BESIDE if getattr(primitive, part) is not None]:
+            kinds[-1]["beside"] = beside
     return tensors, kinds
 
 
@@ -82,21 +95,39 @@ def pose_primitives(kinds: Sequence[PrimitiveKind], tensors: Tensors) -> list[Po
     primitives = []
     for kind in kinds:
         name, frame = kind["name"], kind["frame"]
-        position = tensors_below(f"{name}.position", tensors)
-        local, start, goal = (
-            vector_primitive(tensors_below("local", position)),
-            position["start"],
-            position["goal"],
-        )
-        if {local.goal.shape, start.shape, goal.shape} != {(3,)}:
-            raise InputError(f"'{name}': a position has three coordinates")
         if frame not in get_args(FrameKind):
             raise InputError(f"'{name}': there is no frame '{frame}'")
+        position = _position_primitive(name, frame, tensors_below(f"{name}.position", tensors))
+        if frame != "none" and len(position.goal) != 3:
+            raise InputError(f"'{name}': a position has three coordinates")
         orientation = _orientation_primitive(
             kind["orientation"], tensors_below(f"{name}.orientation", tensors)
         )
-        primitives.append(PosePrimitive(name, PositionPrimitive(local, frame, start, goal), orientation))
+        beside: dict[str, Any] = {}
+        for part in kind.get("beside", ()):
+            own = tensors_below(f"{name}.{part}", tensors)
+            if part not in BESIDE:
+                raise InputError(f"'{name}': there is no part '{part}'")
+            is_digital = part == "switching"
+            beside[part] = _switching(name, own) if is_digital else _position_primitive(name, "none", own)
+        primitives.append(PosePrimitive(name, position, orientation, **beside))
     return primitives
+
+
+def _position_primitive(name: str, frame: FrameKind, tensors: Tensors) -> PositionPrimitive:
+    local, start, goal = vector_primitive(tensors_below("local", tensors)), tensors["start"], tensors["goal"]
+    if not local.goal.shape == start.shape == goal.shape:
+        raise InputError(f"'{name}': start and goal have shapes {start.shape} and {goal.shape}")
+    return PositionPrimitive(local, frame, start, goal)
+
+
+def _switching(name: str, tensors: Tensors) -> Switching:
+    """Raises InputError: shapes are wrong, a state is neither 0 nor 1, or an edge is of no output."""
+    first, edges = tensors["first"], tensors["edges"]
+    known = first.ndim == 1 and edges.ndim == 2 and edges.shape[1:] == (2,)
+    if not (known and np.isin(first, (0, 1)).all() and np.isin(edges[:, 0], range(len(first))).all()):
+        raise InputError(f"'{name}': digital outputs begin with {first} and change at {edges.tolist()[:4]}")
+    return Switching(first.astype(bool), edges)
 
 
 def vector_tensors(primitive: VectorPrimitive | PositionPrimitive | OrientationPrimitive) -> Tensors:

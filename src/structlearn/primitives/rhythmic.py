@@ -158,7 +158,10 @@ def amplitude(weights: np.ndarray, rows: np.ndarray, target: np.ndarray) -> floa
 
 
 def amplitudes(paths: Sequence[np.ndarray]) -> np.ndarray:
-    """Amplitudes (L,) of demonstrations (T_l, D) by their extent on the longest axis; their mean is 1."""
+    """Amplitudes (L,) of demonstrations (T_l, D) by their extent on the longest axis; their mean is 1.
+
+    What does not change, such as the opening of a gripper that holds the tool, has the amplitude 1.
+    """
     extents = np.array([np.ptp(path, axis=0) for path in paths])
     sizes = extents[:, np.argmax(extents.mean(axis=0))]
-    return sizes / max(float(sizes.mean()), np.finfo(float).tiny)
+    return sizes / sizes.mean() if sizes.any() else np.ones(len(sizes))

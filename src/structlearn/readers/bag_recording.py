@@ -2,6 +2,7 @@
 
 import json
 from collections.abc import Collection, Iterator, Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import Literal
 
@@ -12,7 +13,14 @@ from structlearn.core.used_files import require_file
 from structlearn.readers.clock import MAX_GAP_S, check_recording, non_finite, synchronise
 from structlearn.readers.computed_pose import in_radians, joint_pose, transform_pose
 from structlearn.readers.definitions import short_name
-from structlearn.readers.demonstration import JOINT_KINDS, Demonstration, NamedShape, Recording, Stream
+from structlearn.readers.demonstration import (
+    JOINT_KINDS,
+    Demonstration,
+    Kind,
+    NamedShape,
+    Recording,
+    Stream,
+)
 from structlearn.readers.joint_log import JointLog
 from structlearn.readers.joint_streams import JointSeries, chosen, joint_series
 from structlearn.readers.messages import (
@@ -32,6 +40,7 @@ from structlearn.readers.source import (
     Role,
     StampPolicy,
     TopicMap,
+    column_of,
 )
 from structlearn.readers.source_files import (
     METADATA,
@@ -80,6 +89,10 @@ def write_recording(recording: Recording, path: str | Path) -> None:
             count exceeds float32, or there are more than `MAX_FINGERS` tactile streams.
     """
     check_recording(recording)
+    if recording.leading.kind != "pose":
+        raise InputError(f"{recording.name}: has no pose stream")
+    if outputs := (*recording.joints_of("outputs"), *recording.joints_of("digital")):
+        raise InputError(f"{recording.name}: has the outputs {', '.join(outputs)}, which are not written")
     if sum(stream.kind == "tactile" for stream in recording.streams) > MAX_FINGERS:
         raise InputError(f"{recording.name}: has more than {MAX_FINGERS} tactile streams")
     tactile = iter(OWN_TOPICS.tactile)
@@ -122,7 +135,7 @@ def read_recording(
             computed. The message names file and topic.
     """
     file = as_recording_file(file)
-    bag = open_bag(file, topics.topics)
+    bag = open_bag(file, list(dict.fromkeys(column_of(topic)[0] for topic in topics.topics)))
     with damage_named(file.path):
         known = None if bag.metadata is None else json.loads(bag.metadata["true_segments"])
         segments = None if known is None else np.array(known, dtype=float).reshape(-1, 2)
@@ -324,6 +337,8 @@ class _Reading:
             if role == "joint_states":
                 place = place if joints else len(streams)
                 joints += self._joints(topic)
+            elif role in ("outputs", "digital"):
+                streams.append(self._output(topic, role))
             else:
                 where, messages = readable(self._path, self._bag, topic, role)
                 stream, self.mended[topic] = to_stream(where, topic, role, messages, self._policy)
@@ -348,7 +363,7 @@ class _Reading:
 
     def _computed_pose(self) -> list[Stream]:
         pose = self._topics.pose
-        if isinstance(pose, str):
+        if isinstance(pose, str | None):
             return []
         if isinstance(pose, JointPose):
             where = f"{self._path}: topic '{pose.topic}'"
@@ -384,6 +399,20 @@ class _Reading:
         if others:
             self.left_out.append(f"{topic}: without {', '.join(others)}")
         return series
+
+    def _output(self, topic: str, role: Kind) -> Stream:
+        """A number over time, of a topic or the position of a joint, under the output's name."""
+        named = {its: name for name, its in (*self._topics.outputs, *self._topics.digital)}
+        source, joint = column_of(topic)
+        if not joint:
+            where, messages = readable(self._path, self._bag, source, role)
+            stream, self.mended[source] = to_stream(where, topic, role, messages, self._policy)
+            return replace(stream, joints=(named[topic],))
+        where = f"{self._path}: topic '{source}'"
+        (series,), _ = chosen(where, self._joint_series(source), [joint])
+        if "joint_positions" not in series.values:
+            raise InputError(f"{where} has no position of joint {joint}")
+        return Stream(topic, role, series.stamps, series.values["joint_positions"], (named[topic],))
 
     def _joint_streams(self, series: Sequence[JointSeries]) -> list[Stream]:
         """Streams of the joint states of all topics; signals that some joints lack are left out."""

@@ -39,20 +39,23 @@ NORM_TOLERANCE = 1e-3
 # No demonstrating arm or hand is faster; a faster step is a jump of the sensor.
 FASTEST = {"position": (10.0, "m/s"), "orientation": (100.0, "rad/s")}
 
+# Share of a joint's range in one step, and step in any unit, from which its angle wrapped around
+WHOLE, LEAST_WRAP = 0.9, 2.0
+
 
 def check_recording(recording: Recording) -> None:
     """Check streams individually and together.
 
     Raises:
-        InputError: there is no pose stream, or several streams of a kind other than tactile and joint signals
-            of different joints; kinds of joint signals have different joints; a stream has fewer than two
-            samples, the wrong number of columns, a stamp that repeats or decreases, a value that is not
-            finite, or a quaternion whose norm is off by more than `NORM_TOLERANCE`; or two shapes have the
-            same name. The message names recording, topic and row (counted from 0).
+        InputError: there is neither a pose nor positions of joints, or several streams of a kind other than
+            tactile, outputs and joint signals of different joints; kinds of joint signals have different
+            joints; a stream has fewer than two samples, the wrong number of columns, a stamp that repeats or
+            decreases, a value that is not finite, or a quaternion whose norm is off by more than
+            `NORM_TOLERANCE`; or two shapes have the same name. The message names recording, topic and row
+            (counted from 0).
     """
     counts = Counter(stream.kind for stream in recording.streams)
-    if counts["pose"] == 0:
-        raise InputError(f"{recording.name}: has no pose stream")
+    _ = recording.leading
     for kind, count in counts.items():
         streams = [stream for stream in recording.streams if stream.kind == kind]
         names = recording.joints_of(kind)
@@ -85,7 +88,9 @@ def non_finite(stream: Stream) -> str | None:
     if (finite := np.isfinite(stream.values)).all():
         return None
     row, column = np.argwhere(~finite)[0].tolist()
-    name = f"{FIELDS[stream.kind]} of {stream.joints[column]}" if stream.joints else f"column {column}: value"
+    name = f"column {column}: value"
+    if stream.joints:
+        name = f"{FIELDS.get(stream.kind, 'value')} of {stream.joints[column]}"
     value = f"{at_row(row, stream.stamps)}, {name} is {stream.values[row, column]}"
     return f"{value} ({COLUMNS[stream.kind][column]})" if stream.kind in COLUMNS else value
 
@@ -130,6 +135,21 @@ def check_speed(name: str, stream: Stream) -> None:
             )
 
 
+def check_wraps(name: str, stream: Stream) -> None:
+    """Raise InputError, naming row and joint, if a position jumps through its whole range in one step.
+
+    So does the angle of an encoder that wraps around, in rad or degrees.
+    """
+    steps, ranges = np.abs(np.diff(stream.values, axis=0)), np.ptp(stream.values, axis=0)
+    if (wraps := (steps > WHOLE * ranges) & (steps > LEAST_WRAP)).any():
+        row, column = np.argwhere(wraps)[0].tolist()
+        joint = stream.joints[column] if stream.joints else str(column)
+        raise InputError(
+            f"{name}: {stream.topic}: {at_row(row + 1, stream.stamps)}: the position of {joint} jumps by "
+            f"{steps[row, column]:.3g}, its whole range"
+        )
+
+
 def _fault(stream: Stream) -> str | None:
     """Description of the first fault of a stream, or None."""
     count, values = len(stream.stamps), stream.values
@@ -137,7 +157,7 @@ def _fault(stream: Stream) -> str | None:
         return f"needs a table with one row per stamp, has shape {values.shape} and {count} stamps"
     if values.shape[1] != (width := WIDTHS.get(stream.kind, values.shape[1])):
         return f"{stream.kind} needs {width} columns, has {values.shape[1]}"
-    if count < 2:
+    if count < 2 and stream.kind != "digital":  # of which a single sample may hold throughout
         return f"needs at least two samples, has {count}"
     if fault := disorder(stream.stamps):
         return fault
@@ -242,26 +262,32 @@ def synchronise(
 
     Args:
         recording: streams with their own clocks.
-        rate_hz: sampling rate; None: one over the median step of the pose stream.
+        rate_hz: sampling rate; None: one over the median step of the leading stream (pose or joints).
         max_gap_s: longest step between neighbouring samples of a stream within the clock's time.
         refuse_jumps: False if the caller checks speeds itself, and leaves out what the sensor lost.
 
     Returns:
         All signals at (T,) ticks. Orientations have unit norm and no sign flips. Several tactile streams, and
-        joint signals of several sources, are concatenated in the order of the streams. True segments are
-        counted from the new start and clipped to the clock. If the provenance says that the orientation was
-        not recorded (`"orientation": "not recorded"`), it and the angular velocity are None.
+        joint signals of several sources, are concatenated in the order of the streams, likewise outputs;
+        digital ones keep their value until the next sample, and need not cover the clock's time. True
+        segments are counted from the new start and clipped to the clock. If the provenance says that the
+        orientation was not recorded (`"orientation": "not recorded"`), it and the angular velocity are None.
 
     Raises:
         InputError: the rate is not positive, a stream fails `check_recording`, has a gap longer than
-            `max_gap_s`, the pose fails `check_speed`, or the streams do not share at least two ticks.
+            `max_gap_s`, the pose fails `check_speed` or the joints `check_wraps`, or the streams do not share
+            at least two ticks.
     """
     check_recording(recording)
-    pose = next(stream for stream in recording.streams if stream.kind == "pose")
-    start, duration = _shared_time(recording.name, recording.streams, max_gap_s)
-    if refuse_jumps:
-        check_speed(recording.name, pose)
-    ticks = _ticks(recording.name, duration, pose, rate_hz)
+    leading = recording.leading
+    lasting = [stream for stream in recording.streams if stream.kind != "digital"]
+    start, duration = _shared_time(recording.name, lasting, max_gap_s)
+    for stream in recording.streams if refuse_jumps else ():
+        if stream is leading and leading.kind == "pose":
+            check_speed(recording.name, stream)
+        elif stream.kind == leading.kind:
+            check_wraps(recording.name, stream)
+    ticks = _ticks(recording.name, duration, leading, rate_hz)
     signals: dict[str, np.ndarray] = {}
     side_by_side: dict[Kind, list[np.ndarray]] = {}
     for stream in recording.streams:
@@ -275,19 +301,24 @@ def synchronise(
             )
         elif stream.kind == "tool_to_board":
             signals["tool_to_board"] = slerp(ticks, stamps, stream.values)
+        elif stream.kind == "digital":
+            valid = np.maximum(np.searchsorted(stamps, ticks, side="right") - 1, 0)
+            side_by_side.setdefault(stream.kind, []).append(stream.values[valid])
         else:
             side_by_side.setdefault(stream.kind, []).append(linear(ticks, stamps, stream.values))
     for kind, columns in side_by_side.items():
         signals[kind] = np.hstack(columns)
         names = recording.joints_of(kind)
-        if names != recording.joint_names and names:
+        if kind in JOINT_KINDS and names != recording.joint_names and names:
             signals[kind] = signals[kind].take([names.index(name) for name in recording.joint_names], axis=1)
     if recording.provenance.get("orientation") == "not recorded":
-        signals.pop("orientation")
+        signals.pop("orientation", None)
         signals.pop("angular_velocity", None)
+    if leading.kind != "pose":
+        signals["position"] = signals[leading.kind]
     time, segments = ticks * 1e-9, recording.true_segments
     if segments is not None:
-        late = (start - int(pose.stamps[0])) * 1e-9
+        late = (start - int(leading.stamps[0])) * 1e-9
         segments = np.clip(np.asarray(segments, dtype=float) - late, 0.0, time[-1])
     return Demonstration(
         name=recording.name,
@@ -296,6 +327,9 @@ def synchronise(
         provenance=dict(recording.provenance),
         shapes=recording.shapes,
         joint_names=recording.joint_names,
+        output_names=recording.joints_of("outputs"),
+        digital_names=recording.joints_of("digital"),
+        of_joints=leading.kind != "pose",
         **signals,
     )
 

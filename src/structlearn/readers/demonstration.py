@@ -37,6 +37,8 @@ Kind = Literal[
     "wrench",
     "tactile",
     "tool_to_board",
+    "outputs",
+    "digital",
 ]
 
 FIELDS: Mapping[Kind, str] = {
@@ -63,18 +65,23 @@ SIGNAL_UNITS = {
     "wrench": "N, N m",
     "tactile": "counts",
     "tool_to_board": "",
+    "outputs": "",
+    "digital": "",
 }
-"""Sampled signals; quaternions are w, x, y, z and have no unit, a wrench is force, then torque."""
+"""Sampled signals; quaternions are w, x, y, z and have no unit, a wrench is force, then torque. Outputs have
+the units in which they were recorded."""
 
 POSE = ("position", "orientation")
 """Signals of a movement; many protocols read no others."""
+
+OUTPUTS = ("outputs", "digital")
 
 PARTS: Mapping[str, Sequence[str]] = {
     **dict.fromkeys(("position", "velocity", "angular_velocity"), "xyz"),
     **dict.fromkeys(("orientation", "tool_to_board"), "wxyz"),
     "wrench": ("fx", "fy", "fz", "tx", "ty", "tz"),
 }
-"""Column names of a signal; those of joints and electrodes are numbered from 0."""
+"""Column names of a signal; outputs have their own, those of joints and electrodes are numbered from 0."""
 
 RUN, UNIT, RUNS = "run", b"unit", b"runs"
 
@@ -100,11 +107,12 @@ class Stream:
     topic: str  # topic of the source, for messages
     # meaning of the columns. pose: x, y, z in m, then quaternion w, x, y, z (scalar first). twist: linear
     # m/s, then angular rad/s in the base frame. joint_*: rad, rad/s, N m. wrench: force N, then torque N m.
-    # tactile: sensor counts. tool_to_board: quaternion w, x, y, z of the tool relative to the board
+    # tactile: sensor counts. tool_to_board: quaternion w, x, y, z of the tool relative to the board.
+    # outputs: as recorded. digital: as recorded, and valid until the next sample
     kind: Kind
     stamps: np.ndarray  # (T,) int64 ns, as recorded
     values: np.ndarray  # (T, D) float64
-    joints: tuple[str, ...] = ()  # (D,) names of the joints of a joint signal, if known
+    joints: tuple[str, ...] = ()  # (D,) names of the joints of a joint signal, if known, or of outputs
     frame: str = ""  # frame_id of the messages, if known
 
     def of_joints(self, names: Collection[str]) -> "Stream":
@@ -121,14 +129,26 @@ class Recording:
     """Streams of one demonstration before synchronisation."""
 
     name: str  # unique within its set
-    # at most one of each kind, except tactile (one stream per finger) and joint signals (a robot and its hand
-    # may have separate clocks)
+    # at most one of each kind, except outputs, tactile (one stream per finger) and joint signals (a robot and
+    # its hand may have separate clocks)
     streams: tuple[Stream, ...]
     # (P, 2) start and end of each primitive in s since the first stamp of the pose; simulated only
     true_segments: np.ndarray | None = None
     # what is known of the origin, string to string; `origin` is `simulated` or `recorded`
     provenance: Mapping[str, str] = field(default_factory=dict)
     shapes: tuple[NamedShape, ...] = ()  # solids around the movement, if recorded
+
+    @property
+    def leading(self) -> Stream:
+        """Stream of the movement: the pose or, without one, the first positions of joints.
+
+        Raises InputError: there is neither.
+        """
+        for kind in ("pose", "joint_positions"):
+            for stream in self.streams:
+                if stream.kind == kind:
+                    return stream
+        raise InputError(f"{self.name}: has no pose stream")
 
     @property
     def joint_names(self) -> tuple[str, ...]:
@@ -149,7 +169,8 @@ class Demonstration:
 
     name: str  # unique within its set; used in error messages and tables
     time: np.ndarray  # (T,) s, starts at 0, uniform step
-    position: np.ndarray  # (T, 3) m, end-effector in the base frame
+    # (T, 3) m, end-effector in the base frame; if the joints themselves move (`of_joints`), (T, J) of these
+    position: np.ndarray
     # (T, 4) unit quaternion w, x, y, z, sign-continuous; None if not recorded
     orientation: np.ndarray | None = None
     # (T, 3) m/s, if recorded; otherwise derived from the position when needed
@@ -162,7 +183,12 @@ class Demonstration:
     tactile: np.ndarray | None = None  # (T, E) sensor counts, if recorded
     # (T, 4) orientation of the tool relative to the board, sign-continuous, if recorded
     tool_to_board: np.ndarray | None = None
+    outputs: np.ndarray | None = None  # (T, C) what the robot commands beside its pose, e.g. an opening
+    digital: np.ndarray | None = None  # (T, B) likewise, on or off
     joint_names: tuple[str, ...] = ()  # (J,) in the order of the columns, if known
+    output_names: tuple[str, ...] = ()  # (C,)
+    digital_names: tuple[str, ...] = ()  # (B,)
+    of_joints: bool = False  # whether no pose was recorded, and the position is `joint_positions`
     true_segments: np.ndarray | None = None  # (P, 2) start and end of each primitive in s, if simulated
     # what is known of the origin (simulated or recorded, seed, source, licence)
     provenance: Mapping[str, str] = field(default_factory=dict)
@@ -193,6 +219,13 @@ class Demonstration:
     def simulated(self) -> bool:
         """Whether the data come from a simulation."""
         return self.provenance.get("origin") == "simulated"
+
+
+def joint_names(run: Demonstration) -> tuple[str, ...]:
+    """Names of the joints that are the movement, or their numbers; () of a pose."""
+    if not run.of_joints:
+        return ()
+    return run.joint_names or tuple(f"joint_{place + 1}" for place in range(run.position.shape[1]))
 
 
 @dataclass(frozen=True)
@@ -316,10 +349,11 @@ def write_runs(runs: Iterable[Demonstration], target: str | Path) -> None:
 
 def _series(run: Demonstration) -> Series:
     columns = {"time": run.time}
+    parts = {**PARTS, "outputs": run.output_names, "digital": run.digital_names}
     for signal in SIGNAL_UNITS:
         values = getattr(run, signal)
-        if values is not None:
-            columns |= columns_of(signal, values, PARTS.get(signal, range(values.shape[1])))
+        if values is not None and not (signal == "position" and run.of_joints):
+            columns |= columns_of(signal, values, parts.get(signal, range(values.shape[1])))
     shapes = [{key: np.asarray(value).tolist() for key, value in vars(shape).items()} for shape in run.shapes]
     about = {
         "provenance": dict(run.provenance),
@@ -340,7 +374,11 @@ def read_runs(path: str | Path, signals: Collection[str] | None = None) -> list[
 
 def each_run(path: str | Path, signals: Collection[str] | None = None) -> Iterator[Demonstration]:
     """As `read_runs`, run by run."""
-    wanted = None if signals is None else {"time", "position", *signals}
+    if signals is None:
+        return map(_run, each_series(path))
+    with open_arrow(path) as file:
+        of_joints = not any(name.startswith("position.") for name in file.schema_arrow.names)
+    wanted = {"time", "joint_positions" if of_joints else "position", *signals}
     return map(_run, each_series(path, wanted))
 
 
@@ -349,6 +387,11 @@ def _run(series: Series) -> Demonstration:
     for signal in SIGNAL_UNITS:
         if names := [name for name in series.columns if name.partition(".")[0] == signal]:
             signals[signal] = series.stacked(names)
+            if signal in OUTPUTS:
+                called = tuple(name.partition(".")[2] for name in names)
+                signals["output_names" if signal == "outputs" else "digital_names"] = called
+    if "position" not in signals:
+        signals |= {"position": signals["joint_positions"], "of_joints": True}
     about = series.about
     if (segments := about["true_segments"]) is not None:
         signals["true_segments"] = np.array(segments, dtype=float).reshape(-1, 2)

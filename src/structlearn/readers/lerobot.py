@@ -43,7 +43,13 @@ from structlearn.readers.lerobot_frames import (
 from structlearn.readers.source import JointPose, TopicMap, TransformPose
 
 # Kind of stream by the role of a feature's topic, except for the pose
-KINDS: Mapping[str, Kind] = {"joint_states": "joint_positions", "wrench": "wrench", "tactile": "tactile"}
+KINDS: Mapping[str, Kind] = {
+    "joint_states": "joint_positions",
+    "wrench": "wrench",
+    "tactile": "tactile",
+    "outputs": "outputs",
+    "digital": "digital",
+}
 
 
 class Episode(NamedTuple):
@@ -137,10 +143,14 @@ def read_episodes(
 def _recording(folder: Path, episode: Episode, topics: TopicMap) -> Recording:
     """Recording of one episode. Raises InputError: it lacks a signal, or a signal fails its check."""
     provenance = {"origin": "recorded", "source": f"LeRobotDataset {folder.name}, {episode.name}"}
-    pose, oriented = episode.pose(topics.pose)  # type: ignore[arg-type] # transforms are refused before
-    if not oriented:
-        provenance["orientation"] = "not recorded"
-    streams, joints = [pose], []
+    streams, joints = list[Stream](), []
+    if topics.pose is not None:
+        pose, oriented = episode.pose(topics.pose)  # type: ignore[arg-type] # transforms are refused before
+        if not oriented:
+            provenance["orientation"] = "not recorded"
+        streams.append(pose)
+    place = len(streams)
+    named = {topic: name for name, topic in (*topics.outputs, *topics.digital)}
     for topic, role in topics.roles():
         if role == "joint_states":
             joints.append(episode.joints(topic))
@@ -150,10 +160,16 @@ def _recording(folder: Path, episode: Episode, topics: TopicMap) -> Recording:
             columns = episode.columns(topic)
             if role == "wrench":
                 columns = wrench_columns(topic, columns)
-            streams.append(Stream(topic, KINDS[role], episode.stamps, episode.values(columns)))
+            called = (named[topic],) if topic in named else ()
+            if called and len(columns.places) != 1:
+                raise InputError(
+                    f"{episode.where}: {topic} has {len(columns.places)} columns; an output is one of them: "
+                    f"{columns.feature}[..]"
+                )
+            streams.append(Stream(topic, KINDS[role], episode.stamps, episode.values(columns), called))
     if topics.joints is not None:
         joints, _ = chosen(episode.where, joints, topics.joints)
-    streams[1:1] = [stream for series in joints for stream in series.streams()]
+    streams[place:place] = [stream for series in joints for stream in series.streams()]
     recording = Recording(episode.name, tuple(streams), provenance=provenance)
     check_recording(recording)
     return recording

@@ -46,11 +46,13 @@ MESSAGE_TYPES: Mapping[Kind, str] = {  # type that each kind of stream is writte
     "tactile": "std_msgs/msg/Float32MultiArray",
     "tool_to_board": "geometry_msgs/msg/QuaternionStamped",
 }
+OUTPUT_TYPES: Mapping[str, str] = {"outputs": "std_msgs/msg/Float64", "digital": "std_msgs/msg/Bool"}
 SHAPES_TYPE = "visualization_msgs/msg/MarkerArray"  # one message for all; drawn by rviz, Foxglove and rerun
 SOLIDS: Mapping[int, Form] = {1: "cube", 2: "sphere", 3: "cylinder"}  # by marker type
 
 _ARRAYS = [f"std_msgs/{number}MultiArray" for number in ("Float32", "Float64", "Int16", "Int32", "UInt16")]
-WITHOUT_HEADER = {"geometry_msgs/Pose", *_ARRAYS}
+_NUMBERS = [f"std_msgs/{number}" for number in ("Float32", "Float64", "Int16", "Int32", "UInt8")]
+WITHOUT_HEADER = {"geometry_msgs/Pose", "std_msgs/Bool", *_ARRAYS, *_NUMBERS}
 
 READERS: Mapping[Role | Kind | Literal["transforms"], Mapping[str, Sequence[str]]] = {
     "pose": {
@@ -72,6 +74,8 @@ READERS: Mapping[Role | Kind | Literal["transforms"], Mapping[str, Sequence[str]
         "geometry_msgs/TransformStamped": ("transform.rotation",),
     },
     "obstacles": {"visualization_msgs/MarkerArray": (), "visualization_msgs/Marker": ()},
+    "outputs": dict.fromkeys(_NUMBERS, ("data",)),
+    "digital": dict.fromkeys(["std_msgs/Bool", *_NUMBERS], ("data",)),
 }
 """Message types supported in each role, with the fields of the columns; quaternions are in ROS's order
 x, y, z, w. Joint states, transforms and markers have their own functions."""
@@ -135,11 +139,13 @@ def sample_stamps(messages: RawMessages, groups: Sequence[Decoded], policy: Stam
 
 
 def numbers(message: Any, *paths: str) -> list:
-    """Numbers of some fields of a message, vectors or `data`; for many messages a column (M,) each."""
+    """Numbers of some fields of a message, vectors, `data` or its number; of many messages, columns (M,)."""
     columns_read: list = []
     for path in paths:
         part = attrgetter(path)(message)
-        if path == "data":
+        if path == "data" and (np.isscalar(part) or (isinstance(part, np.ndarray) and part.ndim == 1)):
+            columns_read.append(part)
+        elif path == "data":
             columns_read += sequence(part)
         else:
             columns_read += [part.x, part.y, part.z, *([part.w] if hasattr(part, "w") else [])]
@@ -196,7 +202,7 @@ def to_messages(where: str, stream: Stream) -> RawMessages:
     elif stream.kind == "tool_to_board":
         values = quaternion.to_xyzw(values)
     lengths = {"data": values.shape[1]} if stream.kind == "tactile" else {}
-    message_type = MESSAGE_TYPES[stream.kind]
+    message_type = {**MESSAGE_TYPES, **OUTPUT_TYPES}[stream.kind]
     content, fields = _blank(where, message_type, stream.stamps, (), lengths)
     places = numbers(fields, *READERS[stream.kind][short_name(message_type)])
     with np.errstate(over="ignore"):

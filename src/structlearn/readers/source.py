@@ -70,7 +70,9 @@ Setting = Annotated[str, BeforeValidator(setting_label), Field(pattern=r"^-?\w[\
 """A setting in a parameter file: a number, which may be negative, or a name as in `core.params.NAME`."""
 
 
-Role = Literal["pose", "twist", "joint_states", "wrench", "tactile", "tool_to_board", "obstacles"]
+Role = Literal[
+    "pose", "twist", "joint_states", "wrench", "tactile", "tool_to_board", "obstacles", "outputs", "digital"
+]
 Topic = Annotated[str, Field(min_length=1)]
 Topics = Annotated[
     tuple[Topic, ...],
@@ -87,6 +89,21 @@ JointNames = Annotated[
 
 def _pairs(names: Mapping[Any, Any]) -> tuple[tuple[Any, Any], ...]:
     return tuple((str(name) if type(name) is int else name, other) for name, other in names.items())
+
+
+Outputs = Annotated[
+    tuple[tuple[Name, Topic], ...],
+    BeforeValidator(lambda value: _pairs(value) if isinstance(value, Mapping) else value),
+    PlainSerializer(dict),
+]
+"""Mapping from the names of outputs to their topics: of a number, or `TOPIC[JOINT]`, the position of a joint;
+in a LeRobotDataset `FEATURE[COLUMN]`."""
+
+
+def column_of(topic: str) -> tuple[str, str]:
+    """Topic and joint of `TOPIC[JOINT]`; without one, the joint is empty."""
+    name, _, joint = topic.removesuffix("]").partition("[")
+    return name, joint
 
 
 MAX_FINGERS = 10  # tactile streams in our own files: two hands
@@ -142,9 +159,9 @@ class TopicMap(Parameters):
     must_exist: ClassVar[bool] = True
     """Whether a topic given here must be in every file; the pose always must."""
 
-    # end-effector pose, the one signal that every demonstration has: its topic, or how it is computed, maybe
-    # from joint states that are also in `joint_states`
-    pose: Pose
+    # end-effector pose: its topic, or how it is computed, maybe from joint states that are also in
+    # `joint_states`; None: the positions of the joints in `joint_states` are the movement
+    pose: Pose | None
     twist: Topic | None
     joint_states: Topics  # usually one topic with positions, velocities and torques; several may share them
     # names of the joints to read, in this order; None: those of the publisher with the most joints
@@ -152,6 +169,17 @@ class TopicMap(Parameters):
     wrench: Topic | None
     tactile: Topics  # one topic per sensor, in the order in which channels are concatenated
     tool_to_board: Topic | None  # orientation of the tool relative to the board, e.g. from motion capture
+    outputs: Outputs = ()  # what the robot commands beside its pose: an opening, a force
+    digital: Outputs = ()  # likewise, on or off
+
+    @model_validator(mode="after")
+    def _something_moves(self) -> "TopicMap":
+        if self.pose is None and not self.joint_states:
+            raise ValueError("needs a `pose`, or else `joint_states`, whose joints are learned themselves")
+        called = [name for name, _ in (*self.outputs, *self.digital)]
+        if repeated := sorted({name for name in called if called.count(name) > 1}):
+            raise ValueError(f"output named more than once: {', '.join(repeated)}")
+        return self
 
     @model_validator(mode="after")
     def _each_once(self) -> "TopicMap":
@@ -165,7 +193,7 @@ class TopicMap(Parameters):
     @property
     def topics(self) -> list[str]:
         """Every topic that has to be read, without duplicates."""
-        of_pose = () if isinstance(self.pose, str) else self.pose.topics
+        of_pose = () if isinstance(self.pose, str | None) else self.pose.topics
         return list(dict.fromkeys([*of_pose, *(topic for topic, _ in self.roles())]))
 
     def roles(self) -> list[tuple[str, Role]]:
@@ -177,6 +205,8 @@ class TopicMap(Parameters):
             (self.wrench, "wrench"),
             *((topic, "tactile") for topic in self.tactile),
             (self.tool_to_board, "tool_to_board"),
+            *((topic, "outputs") for _, topic in self.outputs),
+            *((topic, "digital") for _, topic in self.digital),
         ]
         return [(topic, role) for topic, role in pairs if topic is not None]
 
@@ -185,6 +215,12 @@ class SceneTopicMap(TopicMap):
     """Topics of a demonstration with solids at rest around the movement."""
 
     obstacles: Topic | None
+
+    @model_validator(mode="after")
+    def _has_a_pose(self) -> "SceneTopicMap":
+        if self.pose is None:
+            raise ValueError("needs a `pose`")
+        return self
 
     def roles(self) -> list[tuple[str, Role]]:
         """Every topic that is itself a signal, with its role, in a fixed order."""

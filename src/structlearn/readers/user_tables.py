@@ -5,10 +5,11 @@ The first row of a CSV names its columns; each further row is a sample. Columns 
 | columns | what | needed |
 |---|---|---|
 | `time_s` | s, from any origin after 0; first in a CSV | yes |
-| `x`, `y`, `z` | m, end-effector in the base frame | yes |
+| `x`, `y`, `z` | m, end-effector in the base frame | or positions of joints |
 | `qw`, `qx`, `qy`, `qz` | its orientation, unit quaternion | all or none |
 | `fx`, `fy`, `fz`, `tx`, `ty`, `tz` | force in N, torque in N m | all or none |
 | `position.NAME`, `velocity.NAME`, `effort.NAME` | rad, rad/s, N m of the joint NAME, or m, m/s, N | no |
+| `output.NAME` | what else the robot commands, e.g. an opening; on `/output/NAME` | no |
 
 Other columns are an error, since they may be misspelt. A table without quaternions gives recordings without
 orientation. It is converted to a bag: ROS 2 messages on `TABLE_TOPICS`, which are the names for a topic map.
@@ -41,7 +42,7 @@ from structlearn.readers.foreign_tables import (
     read_text,
 )
 from structlearn.readers.messages import FIELDS, LAST_STAMP, joint_messages, to_messages
-from structlearn.readers.raw_messages import Bag
+from structlearn.readers.raw_messages import Bag, RawMessages
 from structlearn.readers.source_files import METADATA, SHAPE_FILE
 
 # Topics of a table of poses as a bag, as far as it has their columns
@@ -51,7 +52,8 @@ TIME, POSITION = "time_s", ("x", "y", "z")
 ORIENTATION = ("qw", "qx", "qy", "qz")
 WRENCH = ("fx", "fy", "fz", "tx", "ty", "tz")
 SIZE = ("sx", "sy", "sz")
-_NAMES = (*POSITION, *ORIENTATION, *WRENCH, *(f"{field}.NAME" for field in FIELDS.values()))
+PREFIXES = (*FIELDS.values(), "output")
+_NAMES = (*POSITION, *ORIENTATION, *WRENCH, *(f"{prefix}.NAME" for prefix in PREFIXES))
 UNDERSTOOD = f"columns may be {', '.join(_NAMES)}, comma-separated"
 MOST_COLUMNS = 1000
 
@@ -71,12 +73,17 @@ def read_pose_table(path: Path) -> Bag:
     def block(names: Iterable[str]) -> np.ndarray:
         return np.stack([columns[name] for name in names], axis=1)
 
-    oriented = ORIENTATION[0] in columns
-    turns = block(ORIENTATION) if oriented else np.tile([1.0, 0.0, 0.0, 0.0], (len(stamps), 1))
-    pose = Stream("", "pose", stamps, np.hstack([block(POSITION), turns]))
-    messages = {"pose": to_messages(str(path), pose)}
+    oriented, messages = ORIENTATION[0] in columns, dict[str, RawMessages]()
+    if POSITION[0] in columns:
+        turns = block(ORIENTATION) if oriented else np.tile([1.0, 0.0, 0.0, 0.0], (len(stamps), 1))
+        pose = Stream("", "pose", stamps, np.hstack([block(POSITION), turns]))
+        messages[TABLE_TOPICS["pose"]] = to_messages(str(path), pose)
     if WRENCH[0] in columns:
-        messages["wrench"] = to_messages(str(path), Stream("", "wrench", stamps, block(WRENCH)))
+        wrench = Stream("", "wrench", stamps, block(WRENCH))
+        messages[TABLE_TOPICS["wrench"]] = to_messages(str(path), wrench)
+    for output in _joints(names, "output"):
+        values = Stream("", "outputs", stamps, block([f"output.{output}"]))
+        messages[f"/output/{output}"] = to_messages(str(path), values)
     fields = {}
     joints = list(dict.fromkeys(name for prefix in FIELDS.values() for name in _joints(names, prefix)))
     for kind, prefix in FIELDS.items():
@@ -86,16 +93,13 @@ def read_pose_table(path: Path) -> Bag:
         if having:
             fields[kind] = block(f"{prefix}.{joint}" for joint in joints)
     if joints:
-        messages["joint_states"] = joint_messages(str(path), joints, stamps, fields)
+        messages[TABLE_TOPICS["joint_states"]] = joint_messages(str(path), joints, stamps, fields)
     provenance = {"origin": "recorded", "source": path.name}
     if not oriented:
         provenance["orientation"] = "not recorded"
     return Bag(
-        {
-            TABLE_TOPICS[role]: [schema.name for schema in raw.schemas[:1] if schema]
-            for role, raw in messages.items()
-        },
-        {TABLE_TOPICS[role]: raw for role, raw in messages.items()},
+        {topic: [schema.name for schema in raw.schemas[:1] if schema] for topic, raw in messages.items()},
+        messages,
         {"provenance": json.dumps(provenance, sort_keys=True), "true_segments": "null"},
     )
 
@@ -127,21 +131,22 @@ def _of_parquet(path: Path) -> tuple[list[str], np.ndarray, np.ndarray]:
 
 
 def _joints(names: Sequence[str], of: str) -> list[str]:
-    """Joints that have a certain field."""
+    """Joints, or outputs, that have a certain field."""
     return [name.removeprefix(f"{of}.") for name in names if name.startswith(f"{of}.")]
 
 
 def _check_names(path: Path, names: Sequence[str]) -> None:
     if len(names) > MOST_COLUMNS:
         raise InputError(f"{path}: has {len(names)} columns, more than {MOST_COLUMNS}")
-    prefixes = tuple(f"{field}." for field in FIELDS.values())
+    prefixes = tuple(f"{prefix}." for prefix in PREFIXES)
     for name in names:
         joint = name.startswith(prefixes) and not name.endswith(".")
         if name not in (*POSITION, *ORIENTATION, *WRENCH) and not joint:
             raise InputError(f"{path}: column '{name}' is not understood; {UNDERSTOOD}")
         if names.count(name) > 1:
             raise InputError(f"{path}: column '{name}' stands {names.count(name)} times")
-    if missing := [name for name in POSITION if name not in names]:
+    missing = [name for name in POSITION if name not in names]
+    if missing and not (len(missing) == len(POSITION) and _joints(names, FIELDS["joint_positions"])):
         raise InputError(f"{path}: has no column {', '.join(missing)}")
 
 

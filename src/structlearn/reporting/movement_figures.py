@@ -17,18 +17,22 @@ from structlearn.palette import (
     DEMONSTRATION_COLOUR,
     METHOD_COLOURS,
     METHOD_NAMES,
+    REPRODUCTION_COLOUR,
     primitive_colour,
 )
+from structlearn.primitives.sequence import columns_of
 from structlearn.readers.demonstration import Demonstration
 from structlearn.reporting.figure_style import PANEL_WIDTH, canvas, finish_space, styled
 from structlearn.reporting.prose import capitalised
 from structlearn.segmentation.alignment import METHODS, RESULT
 
+UNITS = ("from start (mm)", "speed (mm/s)", "accel. (m/s²)")
+UNITS_OF_JOINTS = ("from start", "speed (per s)", "accel. (per s²)")
 SPEED_CUTOFF_HZ = 5.0  # low-pass for drawn speeds; differences of raw positions are mostly noise
 
 
 def speed(demonstration: Demonstration) -> np.ndarray:
-    """Speed (T,) of the end effector in m/s, smoothed for drawing."""
+    """Speed (T,) of the end effector in m/s, or of all joints, smoothed for drawing."""
     smooth = signals.low_pass(demonstration.position, demonstration.dt, SPEED_CUTOFF_HZ)
     return np.linalg.norm(signals.derivative(smooth, demonstration.dt), axis=1)
 
@@ -50,12 +54,13 @@ def headroom(panel: Axes, share: float = 0.5) -> None:
     panel.set_ylim(low, high + share * (high - low))
 
 
-def draw_axes(panel: Axes, time: np.ndarray, values: np.ndarray) -> None:
-    """Plot three columns in the colours of x, y and z."""
-    for name, column, colour in zip("xyz", values.T, AXIS_COLOURS, strict=True):
+def draw_axes(panel: Axes, time: np.ndarray, values: np.ndarray, names: Sequence[str] = "xyz") -> None:
+    """Plot three columns in the colours of x, y and z, or any number of others, with their names."""
+    for place, (name, column) in enumerate(zip(names, values.T, strict=True)):
+        colour = AXIS_COLOURS[place] if len(names) == len(AXIS_COLOURS) else primitive_colour(place)
         panel.plot(time, column, color=colour, linewidth=1.0, label=name)
-    headroom(panel, 0.25)
-    panel.legend(loc="upper left", ncols=3)
+    headroom(panel, 0.25 * max(1, len(names) // 6))
+    panel.legend(loc="upper left", ncols=min(len(names), 3))
 
 
 def draw_cuts(panel: Axes, cuts: Sequence[tuple[float, float]], demonstration: Demonstration) -> None:
@@ -78,8 +83,8 @@ def reproduction_panel(
 
     `cycles`: the phase at the start and end of each curve, for a rhythmic primitive.
     """
-    figure = canvas(4.2, PANEL_WIDTH)
-    panels = figure.subplots(3, 1, sharex=True)
+    figure = canvas(1.4 * len(labels), PANEL_WIDTH)
+    panels = figure.subplots(len(labels), 1, sharex=True, squeeze=False)[:, 0]
     grey: dict[str, Any] = {"color": DEMONSTRATION_COLOUR, "linewidth": 0.8, "alpha": 0.7}
     bold: dict[str, Any] = {"color": primitive_colour(place), "linewidth": 2.2}
     curves = [*((segment, grey) for segment in demonstrated), (unrolled, bold)]
@@ -111,24 +116,56 @@ def space_panels(paths: Sequence[tuple[np.ndarray, Mapping[str, Any]]]) -> list[
 
 @styled
 def sequence_figure(sequences: Mapping[str, pd.DataFrame]) -> list[Figure]:
-    """Position, speed and acceleration of each `sequence_table`, keyed by title, with the switches."""
+    """Position, speed and acceleration of each `sequence_table`, keyed by title, with the switches.
+
+    Of joints in their own unit.
+    """
     figures = []
     for title, table in sequences.items():
         figures.append(canvas(4.6, PANEL_WIDTH))
         panels = figures[-1].subplots(3, 1, sharex=True)
         time = table["time_s"].to_numpy()
-        position = 1e3 * table[["x", "y", "z"]].to_numpy()
-        draw_axes(panels[0], time, position - position[0])
-        speeds = 1e3 * np.linalg.norm(table[["vx", "vy", "vz"]].to_numpy(), axis=1)
+        moved = columns_of(table)
+        names = [name.removeprefix("q.") for name in moved]
+        factor, units = (1e3, UNITS) if names == list("xyz") else (1.0, UNITS_OF_JOINTS)
+        position = factor * moved.to_numpy()
+        draw_axes(panels[0], time, position - position[0], names)
+        speeds = factor * np.linalg.norm(columns_of(table, "v").to_numpy(), axis=1)
         panels[1].plot(time, speeds, color=BLACK)
-        draw_axes(panels[2], time, table[["ax", "ay", "az"]].to_numpy())
+        draw_axes(panels[2], time, columns_of(table, "a").to_numpy(), names)
         parts = table.groupby("primitive", sort=False)["time_s"].agg(["first", "last"])
-        for panel, label in zip(panels, ("from start (mm)", "speed (mm/s)", "accel. (m/s²)"), strict=True):
+        for panel, label in zip(panels, units, strict=True):
             shade_primitives(panel, parts.to_numpy(), list(parts.index) if panel is panels[0] else ())
             panel.set_ylabel(label)
         panels[0].set_title(capitalised(title), pad=18)
         panels[-1].set(xlabel="time (s)", xlim=(time[0], time[-1]))
         figures[-1].align_ylabels(panels)
+    return figures
+
+
+@styled
+def outputs_figure(
+    nominal: pd.DataFrame, demonstrated: Mapping[str, Sequence[tuple[np.ndarray, np.ndarray]]]
+) -> list[Figure]:
+    """Each output of a `sequence_table` over time, with the demonstrations' stretched to its primitives.
+
+    `demonstrated`: by column of the table, times (T,) s and values (T,).
+    """
+    figures = []
+    time = nominal["time_s"].to_numpy()
+    parts = nominal.groupby("primitive", sort=False)["time_s"].agg(["first", "last"])
+    for column, curves in demonstrated.items():
+        kind, _, name = column.partition(".")
+        figures.append(canvas(2.0, PANEL_WIDTH))
+        panel = figures[-1].subplots()
+        style: dict[str, Any] = {"drawstyle": "steps-post"} if kind == "digital" else {}
+        for its_time, values in curves:
+            panel.plot(its_time, values, color=DEMONSTRATION_COLOUR, linewidth=0.8, alpha=0.7, **style)
+        panel.plot(time, nominal[column], color=REPRODUCTION_COLOUR, linewidth=2.0, **style)
+        shade_primitives(panel, parts.to_numpy(), list(parts.index))
+        panel.set(xlabel="time (s)", ylabel=name, xlim=(time[0], time[-1]))
+        if kind == "digital":
+            panel.set(yticks=[0, 1], yticklabels=["off", "on"])
     return figures
 
 

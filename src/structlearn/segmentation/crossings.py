@@ -320,7 +320,8 @@ def _missing(
     place = 0 if mismatch is None else int(np.argmax(mismatch))
     primitive, choices = primitives[place], candidates[place]
     lowest, *others = [f"{threshold:.3g}" for threshold in _thresholds(primitive, paces)]
-    unit, dt = "rad/s" if primitive.axis == "rot" else "m/s", demonstration.dt
+    unit = "of the joints per s" if demonstration.of_joints else "m/s"
+    unit, dt = "rad/s" if primitive.axis == "rot" else unit, demonstration.dt
     runs = ", ".join(f"{dt * first:.2f}-{dt * last:.2f}" for first, last in choices.runs)
     what = f"none is like '{primitive.name}' in the other demonstrations"
     if mismatch is None:

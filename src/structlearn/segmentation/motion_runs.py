@@ -141,7 +141,8 @@ def path(demonstration: Demonstration, axis: Axis) -> np.ndarray:
     velocity, and it does not jump at half a turn. Raises InputError: the orientation was not recorded.
     """
     if axis != "rot":
-        return demonstration.position[:, AXES[axis]]
+        position = demonstration.position
+        return position[:, AXES.get(axis, list(range(position.shape[1])))]
     if demonstration.orientation is None:
         raise InputError(f"{demonstration.name}: has no orientation to find a primitive by")
     q = demonstration.orientation

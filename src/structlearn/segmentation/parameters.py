@@ -8,10 +8,10 @@ from pydantic import BeforeValidator, Field, model_validator
 from structlearn.core.params import Name, Parameters
 
 Axis = Literal["x", "y", "z", "xyz", "rot", "strokes"]
-"""Signal that shows a primitive: position along an axis or in space, or orientation (`motion_runs.path`);
-strokes of a varying number show in space."""
+"""Signal that shows a primitive: position along an axis or in space (of joints, in all), or orientation
+(`motion_runs.path`); strokes of a varying number show in space."""
 
-AXES = {"x": [0], "y": [1], "z": [2], "xyz": [0, 1, 2], "strokes": [0, 1, 2]}  # columns of the position
+AXES = {"x": [0], "y": [1], "z": [2]}  # columns of the position; all for the others
 
 BETWEEN: Final = "between"
 STROKES: Final = "strokes"

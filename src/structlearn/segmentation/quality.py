@@ -20,6 +20,7 @@ OUTLYING = 3.5  # robust z-score (Iglewicz and Hoaglin 1993)
 POINTS = 101  # of normalised time at which paths are compared
 
 MEASURES = ("smoothness", "jerk", "idle_share", "distance_mm")
+OF_JOINTS = (*MEASURES[:3], "distance_joint")
 
 
 def spectral_arc_length(speed: np.ndarray, dt: float) -> float:
@@ -57,7 +58,8 @@ def quality(
     `cuts`: by primitive in order of time, index demonstration, columns `start_s`, `end_s`. `smoothing_hz`:
     low-pass of positions before differentiation. Returns `demonstration`, `MEASURES` (means over the
     primitives; `distance_mm` from the mean path of each primitive, relative to its start, over normalised
-    time), `outlier` (names of outlying measures, or empty) and `rank` by the mean of the ranks, best first.
+    time; of joints `OF_JOINTS`, with that distance in their unit), `outlier` (names of outlying measures, or
+    empty) and `rank` by the mean of the ranks, best first.
     """
     paths: dict[str, list[np.ndarray]] = {name: [] for name in cuts}
     rows = []
@@ -85,19 +87,20 @@ def quality(
         np.linalg.norm(np.stack(of_primitive) - np.mean(of_primitive, axis=0), axis=-1).mean(axis=1)
         for of_primitive in paths.values()
     ]
-    table["distance_mm"] = 1e3 * np.mean(away, axis=0)
-    table["outlier"] = _outliers(table)
-    better_large = dict(zip(MEASURES, (True, True, False, False), strict=True))
+    measures, factor = (OF_JOINTS, 1.0) if runs[0].of_joints else (MEASURES, 1e3)
+    table[measures[-1]] = factor * np.mean(away, axis=0)
+    table["outlier"] = _outliers(table, measures)
+    better_large = dict(zip(measures, (True, True, False, False), strict=True))
     ranks = [table[name].rank(ascending=not large) for name, large in better_large.items()]
     table["rank"] = np.mean(ranks, axis=0).argsort(kind="stable").argsort(kind="stable") + 1
     return table
 
 
-def _outliers(table: pd.DataFrame) -> list[str]:
+def _outliers(table: pd.DataFrame, measures: Sequence[str]) -> list[str]:
     """Per demonstration, the measures with a robust z-score beyond `OUTLYING`; needs five demonstrations."""
     if len(table) < 5:
         return [""] * len(table)
-    values = table[list(MEASURES)]
+    values = table[list(measures)]
     away = (values - values.median()).abs()
     spread = away.median().replace(0.0, np.inf)
     far = 0.6745 * away / spread > OUTLYING

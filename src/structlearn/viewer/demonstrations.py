@@ -8,7 +8,7 @@ import rerun as rr
 
 from structlearn.core import quaternion
 from structlearn.palette import AXIS_COLOURS, WHITE, primitive_colour
-from structlearn.readers.demonstration import Demonstration
+from structlearn.readers.demonstration import Demonstration, joint_names
 from structlearn.segmentation.segments import Segmentation
 from structlearn.viewer import items, views
 from structlearn.viewer.items import Item, entity
@@ -38,19 +38,29 @@ def demonstrations(
     `hand`: shown in the first tab only.
     """
     colours = colours or [primitive_colour(place) for place in range(len(runs))]
-    points = np.concatenate([run.position for run in runs])
-    length, cut = items.axis_length(points), segmentation is not None
+    cut, joints = segmentation is not None, joint_names(runs[0])
+    points = np.zeros((1, 3)) if joints else np.concatenate([run.position for run in runs])
+    length = items.axis_length(points)
     shown = [_Shown(run, segmentation, colour, length) for run, colour in zip(runs, colours, strict=True)]
-    moving = [item for one in shown for item in one.moving]
-    overview = views.scene(f"{title}{views.origin_label(runs)}", [*moving, *around, *hand], points)
     plots = [
-        views.plot(f"{axis} (mm)", [item for one in shown for item in one.positions(axis)], legend=False)
-        for axis in AXES
+        views.plot(
+            axis if joints else f"{axis} (mm)",
+            [item for one in shown for item in one.positions(axis, place)],
+            legend=False,
+        )
+        for place, axis in enumerate(joints or AXES)
     ]
+    for name in (*runs[0].output_names, *runs[0].digital_names):
+        plots.append(views.plot(name, [one.outputs[name] for one in shown], legend=False))
     if turned := [one.signals[TURNED] for one in shown if TURNED in one.signals]:
         plots.append(views.plot(TURNED, turned, legend=False))
     lanes = [views.lanes([lane for one in shown for lane in one.lanes])] if cut else []
     notes = views.notes(f"{note}\n\n{views.origin_sentence(runs)}")
+    if joints:
+        content = views.row(views.column(*lanes, notes), views.grid(*plots), shares=[1, 4])
+        return Recording(f"{title}{views.origin_label(runs)}", content)
+    moving = [item for one in shown for item in one.moving]
+    overview = views.scene(f"{title}{views.origin_label(runs)}", [*moving, *around, *hand], points)
     left = views.column(overview, notes, shares=[4, 1])
     right = views.column(*lanes, *plots, shares=[3] * len(lanes) + [2] * len(plots))
     whole = views.row(left, right, name="All", shares=[4, 3])
@@ -80,6 +90,10 @@ class _Shown:
             ends = np.append(cuts[:, 0], cuts[-1, 1])
             self.lanes = [items.lane(entity("primitive", run.name), ends, segmentation.primitives)]
         step = items.thinning(run.dt)
+        self.outputs = {name: self._output(name, its) for name, its in _outputs(run).items()}
+        if run.of_joints:
+            self.moving, self.signals = list[Item](), dict[str, Item]()
+            return
         strips = [run.position[[*range(first, last, step), last]] for first, last, _ in self.parts]
         path = items.lines(entity("paths", run.name), strips, [part[2] for part in self.parts], -1.0)
         turned = None if run.orientation is None else run.orientation[self.kept]
@@ -87,10 +101,12 @@ class _Shown:
         self.moving = [path, items.moving_frame(entity("hands", run.name), *pose)]
         self.signals = {title: self._curve(title, its) for title, its in _signals(run, self.kept).items()}
 
-    def positions(self, axis: str) -> Iterator[Item]:
-        """An axis as a line coloured by primitive, and points at the cuts."""
+    def positions(self, axis: str, place: int) -> Iterator[Item]:
+        """An axis (mm) or joint as a line coloured by primitive, and points at the cuts."""
         run, first = self.run, [part[0] for part in self.parts]
-        path, position = entity("position", axis, run.name), 1e3 * run.position[:, AXES.index(axis)]
+        path, position = entity("position", axis, run.name), run.position[:, place]
+        if not run.of_joints:
+            position = 1e3 * position
         colours = rr.SeriesLines.columns(colors=items.rgba([part[2] for part in self.parts]))
         yield Item(path, [rr.SeriesLines(names=run.name, widths=1.0)], run.time[first], colours)
         scalars = rr.Scalars.columns(scalars=position[self.kept])
@@ -98,6 +114,13 @@ class _Shown:
         if cuts := first[1:]:
             path = entity("cuts", axis, run.name)
             yield items.marks(path, run.time[cuts], position[cuts], "cuts", WHITE)
+
+    def _output(self, name: str, values: np.ndarray) -> Item:
+        """An output (T,) as a line."""
+        look = (name, primitive_colour(0), 1.0)
+        return items.series(
+            entity("output", name, self.run.name), self.run.time[self.kept], values[self.kept], *look
+        )
 
     def _curve(self, title: str, values: np.ndarray) -> Item:
         look: Any = (AXES, AXIS_COLOURS, 1.5)
@@ -127,6 +150,17 @@ def _signals(run: Demonstration, kept: slice) -> dict[str, np.ndarray]:
             name = TOUCH if rest else f"{TOUCH} {finger}"
             signals[f"{name} (counts since the start)"] = part
     return signals
+
+
+def _outputs(run: Demonstration) -> dict[str, np.ndarray]:
+    """Outputs (T,) by name."""
+    beside = ((run.output_names, run.outputs), (run.digital_names, run.digital))
+    return {
+        name: values
+        for names, signal in beside
+        if signal is not None
+        for name, values in zip(names, signal.T, strict=True)
+    }
 
 
 def _parts(run: Demonstration, cuts: np.ndarray) -> list[Part]:

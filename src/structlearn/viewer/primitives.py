@@ -11,7 +11,7 @@ import rerun as rr
 from structlearn.core.frames import local_frame
 from structlearn.palette import AXIS_COLOURS, GREY, LIGHT_BLUE, ORANGE, WHITE, primitive_colour
 from structlearn.primitives import canonical, rhythmic
-from structlearn.primitives.sequence import PosePrimitive
+from structlearn.primitives.sequence import PosePrimitive, columns_of
 from structlearn.primitives.twist_swing import TwistSwingPrimitive
 from structlearn.readers.demonstration import Demonstration
 from structlearn.viewer import items, views
@@ -47,6 +47,8 @@ def primitives(
     in Markdown; `around`: the scene around the movements; `colours`: by path name, default by primitive.
     """
     unrolled = {name: _thinned(table, learned) for name, table in paths.items()}
+    if learned[0].position.frame == "none":
+        return _of_joints(runs, learned, unrolled, title, note)
     places = [run.position for run in runs] + [_columns(path, "") for path in unrolled.values()]
     points = np.concatenate(places)
     length, names = items.axis_length(points), [primitive.name for primitive in learned]
@@ -84,6 +86,7 @@ def primitives(
         views.plot(f"forcing of the position ({first}, local axes)", [position]),
         *(views.plot(f"forcing of the orientation ({first})", [turn]) for turn in orientation),
         *views.plots(rates),
+        *_outputs(unrolled),
     ]
     scene = views.scene(f"{title}{views.origin_label(runs)}", shown, points)
     notes = views.notes(f"{note}\n\n{views.origin_sentence(runs, 'The demonstrations are')}")
@@ -91,6 +94,41 @@ def primitives(
     left = views.column(scene, *running, notes, shares=[4, *(1 for _ in running), 1])
     content = views.row(left, views.grid(*plots), shares=[2, 3])
     return Recording(title, content, steps_per_s=PHASE_STEPS / 3)
+
+
+def _of_joints(
+    runs: Sequence[Demonstration],
+    learned: Sequence[PosePrimitive],
+    unrolled: Mapping[str, pd.DataFrame],
+    title: str,
+    note: str,
+) -> Recording:
+    """Each joint and output over time and phase."""
+    plots, lanes = [], list[Item]()
+    names = [primitive.name for primitive in learned]
+    for joint in columns_of(next(iter(unrolled.values()))):
+        plots.append(_plot(joint.removeprefix("q."), joint, unrolled))
+    for name, path in unrolled.items():
+        lanes.append(items.lane(entity("primitive", name), _times(path.iloc[_switches(path)]), names))
+    notes = views.notes(f"{note}\n\n{views.origin_sentence(runs, 'The demonstrations are')}")
+    running = [views.lanes(lanes)] if len(learned) > 1 else []
+    content = views.row(views.column(*running, notes), views.grid(*plots, *_outputs(unrolled)), shares=[1, 4])
+    return Recording(title, content, steps_per_s=PHASE_STEPS / 3)
+
+
+def _outputs(unrolled: Mapping[str, pd.DataFrame]) -> list[views.Panel]:
+    """A plot for each output of sequence tables."""
+    columns = [name for name in next(iter(unrolled.values())) if name.startswith(("output.", "digital."))]
+    return [_plot(column.partition(".")[2], column, unrolled) for column in columns]
+
+
+def _plot(heading: str, column: str, unrolled: Mapping[str, pd.DataFrame]) -> views.Panel:
+    """A plot of one column of sequence tables."""
+    curves = [
+        series(entity("curves", column, name), _times(path), path[column].to_numpy(float), name, colour)
+        for (name, path), colour in zip(unrolled.items(), PATH_COLOURS, strict=False)
+    ]
+    return views.plot(heading, curves)
 
 
 def _thinned(table: pd.DataFrame, learned: Sequence[PosePrimitive]) -> pd.DataFrame:

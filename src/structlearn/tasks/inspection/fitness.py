@@ -12,7 +12,13 @@ import numpy as np
 
 from structlearn.readers.clock import MAX_GAP_S
 from structlearn.readers.source import JointPose
-from structlearn.tasks.inspection.hand_motion import HandCandidate, MotionSurvey, PoseSource, pose_words
+from structlearn.tasks.inspection.hand_motion import (
+    HandCandidate,
+    JointMotion,
+    MotionSurvey,
+    PoseSource,
+    pose_words,
+)
 from structlearn.tasks.inspection.judgement import reasons
 from structlearn.tasks.inspection.source_survey import SourceSeen
 
@@ -82,7 +88,8 @@ def fitness(
         others = {name: len(motion.counted(name)) for name in motion.runs if name not in motion.agreeing}
         agree, total = len(motion.agreeing), len(motion.runs)
         verdict: Verdict = "no" if 2 * agree <= total else "doubtful" if others else "yes"
-        number = f"{motion.number} in {agree} of {total}, above {motion.threshold:.2g} m/s"
+        unit = "" if hand is not None and isinstance(hand.source, JointMotion) else " m/s"
+        number = f"{motion.number} in {agree} of {total}, above {motion.threshold:.2g}{unit}"
         advice = "; ".join(f"{name} has {runs}" for name, runs in others.items())
         yield Answer("Do runs of motion agree in number?", verdict, number, advice)
     turned = [
@@ -120,10 +127,14 @@ def _of_hand(seen: SourceSeen, hand: HandCandidate) -> Iterator[Answer]:
         yield Answer("Does every file have the hand's pose?", "no", number, advice)
     name, least = min(((name, path.extent_m) for name, path in paths.items()), key=lambda item: item[1])
     verdict, advice = at_least(least, EXTENT_M), f"look at {name}"
-    if hand.extent > FARTHEST_M:
+    joints = isinstance(hand.source, JointMotion)
+    if hand.extent > FARTHEST_M and not joints:
         verdict, advice = "doubtful", "positions are read as m; were they written in mm?"
     number = f"{1e3 * hand.extent:.4g} mm in the median, least {1e3 * least:.4g} mm"
-    yield Answer("Does the hand move in all?", verdict, number, advice)
+    if joints:
+        number = f"{hand.extent:.4g} in the median, least {least:.4g}; there is no pose of the hand"
+    question = "Do the joints move in all?" if joints else "Does the hand move in all?"
+    yield Answer(question, verdict, number, advice)
 
 
 def _of_clocks(seen: SourceSeen, topics: Sequence[str], pose: PoseSource) -> Iterator[Answer]:

@@ -35,16 +35,23 @@ BRIDGE_S = 0.2  # s; shorter dips in speed are hesitations, since intended stops
 # Share of a demonstration's longest run below which a run is short: idle, unless all demonstrations have it
 SHORT_SHARE = 0.1
 
-PoseSource = str | TransformPose | JointPose
+
+class JointMotion(NamedTuple):
+    """The joints on a topic, in place of a pose: nothing else tells how the hand moves."""
+
+    topic: str
+
+
+PoseSource = str | TransformPose | JointPose | JointMotion
 # Types of pose sources, the most likely for the hand first; a string is a topic of poses
-KINDS = (str, TransformPose, JointPose)
+KINDS = (str, TransformPose, JointPose, JointMotion)
 
 
 class HandPath(NamedTuple):
     """Positions (T, 3) m and speeds (T,) m/s of one pose source in one file, on a uniform clock.
 
     `recorded` (T, 3) m: positions before they are smoothed. `orientation` (T, 4) is None if a quaternion has
-    norm 0.
+    norm 0. Of joints (T, J), without orientation, in their unit instead of m.
     """
 
     dt: float
@@ -61,7 +68,7 @@ class HandPath(NamedTuple):
 
 
 def hand_path(stream: Stream) -> HandPath:
-    """Path of a stream of poses; disordered stamps are sorted, non-finite values left out.
+    """Path of a stream of poses or joints; disordered stamps are sorted, non-finite values left out.
 
     Raises InputError: fewer than three samples remain, or stamps are too far apart for a uniform clock.
     """
@@ -77,12 +84,14 @@ def hand_path(stream: Stream) -> HandPath:
     ticks = np.arange(int(time[-1] / dt) + 1) * dt
     if len(ticks) < 3:
         raise InputError(f"{topic} has samples at fewer than three ticks of {dt:.3g} s")
-    raw = np.stack([np.interp(ticks, time, column) for column in values[:, :3].T], axis=1)
+    of_joints = stream.kind != "pose"
+    columns = values if of_joints else values[:, :3]
+    raw = np.stack([np.interp(ticks, time, column) for column in columns.T], axis=1)
     position = signals.low_pass(raw, dt, SPEED_HZ)
     speed = np.linalg.norm(signals.derivative(position, dt), axis=1)
     norms = np.linalg.norm(values[:, 3:], axis=1)
     turned = None
-    if (norms > 0.0).all():
+    if not of_joints and (norms > 0.0).all():
         turned = quaternion.interpolate(np.minimum(ticks, time[-1]), time, values[:, 3:] / norms[:, None])
     return HandPath(dt, position, speed, turned, stamp_statistics(stream.stamps), raw)
 
@@ -105,6 +114,8 @@ def pose_words(source: PoseSource) -> str:
     """Describe a pose source in words."""
     if isinstance(source, TransformPose):
         return f"{source.parent} -> {source.child} in {source.topic}"
+    if isinstance(source, JointMotion):
+        return f"the joints in {source.topic} themselves"
     return source if isinstance(source, str) else f"{source.tip} by the joints in {source.topic}"
 
 

@@ -4,7 +4,7 @@ Choices among several options, and possible problems, are noted beside the key c
 """
 
 import re
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Collection, Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -15,7 +15,7 @@ from structlearn.readers.messages import READERS
 from structlearn.readers.source import JointPose, Role, TransformPose
 from structlearn.rigid_body.urdf import moving_joints
 from structlearn.tasks.inspection.fitness import IN_STEP_S, out_of_step
-from structlearn.tasks.inspection.hand_motion import HandCandidate, MotionSurvey, pose_words
+from structlearn.tasks.inspection.hand_motion import HandCandidate, JointMotion, MotionSurvey, pose_words
 from structlearn.tasks.inspection.judgement import Judgement
 from structlearn.tasks.inspection.source_survey import SourceSeen, frames_above
 from structlearn.tasks.inspection.task_moves import OWN_TURN_DEG, TaskMoves
@@ -23,6 +23,9 @@ from structlearn.tasks.task_files import is_name, local_path
 
 # Usual names of tactile topics; other arrays are commands and the like
 TOUCH = re.compile(r"tactile|biotac|finger|skin|taxel|touch|press", re.IGNORECASE)
+
+# Usual names of topics that a robot's tool or its digital outputs have; others are states and the like
+OUTPUT = re.compile(r"grip|finger|opening|grasp|vacuum|suction|valve|digital|output|/io", re.IGNORECASE)
 
 # Rotation in degrees at a resting position from which it may be a primitive: ten times the noise of sensors
 TURN_DEG = 3.0
@@ -54,6 +57,7 @@ def propose(
     topics, warnings = _topics(seen, hand, others)
     read = [source if isinstance(source, str) else source.topic]  # without static transforms
     read += [topics[kind] for kind in ("joint_states", "wrench") if kind in topics]
+    read += topics.get("outputs", {}).values()  # digital ones may come when they change
     read = list(dict.fromkeys([*read, *topics.get("tactile", [])]))
     entry: dict[str, Any] = {"source": from_home(seen.source)}
     if seen.files[0].format == LEROBOT:
@@ -111,9 +115,9 @@ def _topics(
     seen: SourceSeen, hand: HandCandidate, others: Sequence[HandCandidate]
 ) -> tuple[dict[str, Any], dict[str, list[str]]]:
     source = hand.source
-    topics: dict[str, Any] = {
-        "pose": source if isinstance(source, str) else source.model_dump(exclude_defaults=True)
-    }
+    topics: dict[str, Any] = {}
+    if not isinstance(source, JointMotion):
+        topics["pose"] = source if isinstance(source, str) else source.model_dump(exclude_defaults=True)
     warnings: dict[str, list[str]] = {"topics.pose": list(_pose_warnings(seen, hand, others))}
     arms = [topic for topic, _ in seen.arms()]
     states = _of_role(seen, "joint_states")
@@ -123,6 +127,9 @@ def _topics(
         unusable = [unusable_efforts(joints) for topic, joints in seen.arms() if topic == arm]
         identified = f"efforts: below `motion:` an entry {{source, topic: {arm}, urdf}} identifies the arm"
         said.append(next((f"no identification of the arm: {why}" for why in unusable if why), identified))
+        if isinstance(source, JointMotion):
+            topics["joint_states"] = arm = source.topic
+            said[:] = ["the joints themselves are learned; with --urdf FILE the pose of the robot's tip"]
         if elsewhere := [topic for topic in states if topic != arm]:
             said.append(f"also there: {', '.join(elsewhere)}")
     if wrenches := _of_role(seen, "wrench"):
@@ -133,14 +140,24 @@ def _topics(
         topics["tactile"] = touch
         warnings["topics.tactile"] = ["by their names; are these tactile sensors?"]
     if left := [topic for topic in arrays if topic not in touch]:
-        key = "topics.tactile" if touch else "topics.pose"
+        key = "topics.tactile" if touch else f"topics.{next(iter(topics))}"
         warnings[key].append(f"arrays that may be tactile sensors: {', '.join(left)}")
+    for role, kinds in (("digital", {"std_msgs/Bool"}), ("outputs", set(READERS["outputs"]))):
+        named = {_words(topic): topic for topic in _of_role(seen, role, kinds) if OUTPUT.search(topic)}
+        if named:
+            topics[role] = named
+            warnings[f"topics.{role}"] = ["by their names; does the robot command these?"]
     return topics, warnings
 
 
-def _of_role(seen: SourceSeen, role: Role) -> list[str]:
+def _words(topic: str) -> str:
+    """Name of an output from its topic."""
+    return "_".join(re.findall(r"[a-z0-9]+", topic.lower()))
+
+
+def _of_role(seen: SourceSeen, role: Role, kinds: Collection[str] | None = None) -> list[str]:
     """Topics of the role, or with messages that it can be read from, that every file has; sorted by name."""
-    types = {str(role), *READERS[role]}
+    types = {str(role), *(READERS[role] if kinds is None else kinds)}
     fitting = [
         {name for name, topic in file.topics.items() if topic.clocks and types.issuperset(topic.types)}
         for file in seen.files

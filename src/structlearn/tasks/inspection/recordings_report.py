@@ -18,6 +18,7 @@ from structlearn.tasks.inspection.fitness import HAND, Answer, fitness
 from structlearn.tasks.inspection.hand_motion import (
     BRIDGE_S,
     HandCandidate,
+    JointMotion,
     MotionRun,
     MotionSurvey,
     hand_candidates,
@@ -27,7 +28,7 @@ from structlearn.tasks.inspection.hand_motion import (
 from structlearn.tasks.inspection.judgement import judge, reasons
 from structlearn.tasks.inspection.lerobot_survey import look_at_dataset
 from structlearn.tasks.inspection.proposal import LEROBOT, Proposal, judged, propose
-from structlearn.tasks.inspection.source_survey import FileSeen, SourceSeen, look_at
+from structlearn.tasks.inspection.source_survey import FileSeen, SourceSeen, look_at, with_joints
 from structlearn.tasks.inspection.task_moves import task_moves
 
 FORMATS = {"mcap": "MCAP", "db3": "ROS 2 bag (sqlite3)", "bag": "ROS 1 bag", "table": "table of poses"}
@@ -72,6 +73,9 @@ def find_out(source: str, urdf: str | None = None) -> SourceReport:
     """Survey a source (see `look_at`), its motion and fitness, and propose an entry."""
     seen = look_at_dataset(source, urdf) or look_at(source, urdf)
     candidates = hand_candidates({file.name: file.hands for file in seen.files})
+    if not candidates and urdf is None and not any(file.no_hands for file in seen.files):
+        seen = seen._replace(files=tuple(map(with_joints, seen.files)))
+        candidates = hand_candidates({file.name: file.hands for file in seen.files})
     if not candidates:
         return SourceReport(seen, (), None, None, list(fitness(seen, None, None, ())), seen.damaged)
     hand, *others = candidates
@@ -99,11 +103,13 @@ def report_lines(report: SourceReport) -> Iterator[str]:
         yield "Candidates for the pose of the hand (medians over the files); the first is used"
         rows = [("source", "files", "extent", "way")]
         for source in report.sources:
-            sizes = f"{source.extent:.3g} m", f"{source.travelled:.3g} m"
+            unit = "" if isinstance(source.source, JointMotion) else " m"
+            sizes = f"{source.extent:.3g}{unit}", f"{source.travelled:.3g}{unit}"
             rows.append((pose_words(source.source), str(len(source.paths)), *sizes))
         yield from (*_aligned(rows, range(1, 4)), "")
     if report.motion is not None:
-        above = f"above {report.motion.threshold:.2g} m/s, s since the first sample"
+        unit = "of the joints per s" if isinstance(report.sources[0].source, JointMotion) else "m/s"
+        above = f"above {report.motion.threshold:.2g} {unit}, s since the first sample"
         yield f"Runs of motion {above}; dips up to {BRIDGE_S:g} s are joined, short runs are in brackets"
         moves = [(name, f"{len(runs)}", _times(runs)) for name, runs in report.motion.runs.items()]
         yield from (*_aligned(moves, (1,)), "")

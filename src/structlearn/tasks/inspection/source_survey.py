@@ -22,7 +22,7 @@ from structlearn.readers.source_files import RecordingFile, recording_files
 from structlearn.readers.urdf_file import urdf_path
 from structlearn.rigid_body.urdf import HANDS, counterparts, moving_joints, tips
 from structlearn.tasks.inspection.clocks import Stamps, TopicClocks, stamp_statistics, topic_clocks
-from structlearn.tasks.inspection.hand_motion import HandPath, PoseSource, hand_path
+from structlearn.tasks.inspection.hand_motion import HandPath, JointMotion, PoseSource, hand_path
 from structlearn.tasks.task_files import local_path
 
 # Disorder is counted elsewhere and accepted here
@@ -156,6 +156,20 @@ def arm_of(topics: Mapping[str, TopicSeen]) -> tuple[str, JointSeries] | None:
     arms = [(topic, joints) for topic, seen in topics.items() for joints in seen.joints]
     arms = [(topic, joints) for topic, joints in arms if "joint_positions" in joints.values]
     return max(arms, key=lambda arm: len(arm[1].names), default=None)
+
+
+def with_joints(file: FileSeen) -> FileSeen:
+    """The file with the path of its joints themselves, where no pose tells how the hand moves."""
+    arm = arm_of(file.topics)
+    if arm is None or not arm[1].names:
+        return file
+    topic, joints = arm
+    (stream, *_) = (one for one in joints.streams() if one.kind == "joint_positions")
+    source = JointMotion(topic)
+    try:
+        return file._replace(hands={source: hand_path(stream)})
+    except InputError as error:
+        return file._replace(no_hands={source: str(error)})
 
 
 def _topic_seen(where: str, topic: str, names: tuple[str, ...], messages: RawMessages | None) -> TopicSeen:

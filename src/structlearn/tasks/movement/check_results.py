@@ -10,6 +10,7 @@ import pandas as pd
 
 from structlearn.core.artefacts import Metrics, publish, read_table
 from structlearn.core.errors import InputError
+from structlearn.tasks.movement.parameters import MovementEntry
 from structlearn.tasks.project import ENTRIES
 from structlearn.tasks.task_files import TaskFiles, write_tables
 
@@ -17,6 +18,7 @@ NOMINAL, STARTS, GOALS, CORRECTIONS = KINDS = ("nominal", "starts", "goals", "co
 YES, DOUBTFUL, NO, NOT_TESTED = "yes", "doubtful", "no", "not tested"
 THIN = 0.1  # smaller margins are doubtful: what a controller adds to its reference may use them up
 SLOWED = {"velocity": 1, "acceleration": 2, "jerk": 3}  # power of the duration with which each decreases
+UNCHECKED = ("ranges", "velocities", "accelerations", "jerk", "self-collisions")  # without a URDF
 TRIED = ["change", "failing_runs", "still_failing", "least_margin_share"]
 NOTHING_TRIED = pd.DataFrame({name: [] for name in TRIED})
 
@@ -140,7 +142,10 @@ def main(files: TaskFiles) -> bool:
     """
     if files.kind != "movement" or not files.has("robot"):
         entry = f"{ENTRIES}: {files.kind}.{files.name}"
-        raise InputError(f"{entry} has no robot to be checked on; add `robot: {{urdf: .., tip: ..}}`")
+        message = f"{entry} has no robot to be checked on; add `robot: {{urdf: .., tip: ..}}`"
+        if files.kind == "movement" and files.entry(MovementEntry).of_joints:
+            message += f"; of the joints were not checked: {', '.join(UNCHECKED)}"
+        raise InputError(message)
     check = read_check(files.folder / "check")
     print("\n".join(check_lines(check)))
     return check.verdict != NO

@@ -1,21 +1,32 @@
 """Page section "On the robot": whether the task's robot can execute the skill, and with which margins."""
 
+from typing import Any
+
 import numpy as np
 import pandas as pd
 from matplotlib.figure import Figure
 
 from structlearn.core.errors import InputError
 from structlearn.feedback.coupling import unit
+from structlearn.feedback.skill import JOINT_MARGIN
 from structlearn.feedback.skill_file import SkillParameters, read_skill
 from structlearn.palette import CATEGORICAL_COLOURS, GREY, LIGHT_GREY
-from structlearn.primitives.sequence import default_start
+from structlearn.primitives.sequence import default_start, unroll
 from structlearn.primitives.transformation import ALPHA, BETA
 from structlearn.reporting.document import Table
 from structlearn.reporting.figure_style import WIDTH, canvas, styled
 from structlearn.reporting.findings import Findings
-from structlearn.tasks.movement.check_results import KINDS, THIN, SkillCheck, overall, read_check
+from structlearn.tasks.movement.check_results import (
+    KINDS,
+    THIN,
+    UNCHECKED,
+    SkillCheck,
+    overall,
+    read_check,
+)
 from structlearn.tasks.movement.feedback_learning import in_view
 from structlearn.tasks.movement.parameters import MovementEntry
+from structlearn.tasks.movement.skill_check import RATE_HZ
 from structlearn.tasks.section import Section, shown
 from structlearn.tasks.task_files import ABSENT, TaskFiles
 
@@ -50,6 +61,7 @@ def check_section(files: TaskFiles) -> Section | None:
             "tried": len(check.tried),
             "kinds": kinds,
             "searched": robot.rest_configuration is None,
+            "of_joints": files.entry(MovementEntry).of_joints,
         },
         find=Findings.of_metrics(check.metrics(), ("check_failing_runs", "check_least_margin")),
         tables={
@@ -95,7 +107,13 @@ def skill_section(files: TaskFiles) -> Section:
     if workspace is None:
         raise InputError(f"{files.skill}: has no workspace")
     start = default_start(skill.primitives).position
-    box = {"axis": list("xyz"), "from_m": workspace.low, "to_m": workspace.high, "mean_start_m": start}
+    corners = {"from_m": workspace.low, "to_m": workspace.high, "mean_start_m": start}
+    box: dict[str, Any] = {"axis": list("xyz")} | corners
+    if skill.joints:
+        sampled = unroll(skill.primitives, 1.0 / RATE_HZ).position.velocity
+        fastest = np.abs(sampled).max(axis=0)
+        box = {"joint": skill.joints, "from": workspace.low, "to": workspace.high, "mean_start": start}
+        box["fastest_per_s"] = fastest
     bounds = []
     for axis in skill.axes:
         largest, (factor, word) = skill.limits.largest_coupling[axis], in_view(axis)
@@ -113,6 +131,10 @@ def skill_section(files: TaskFiles) -> Section:
             "sensors": skill.sensors,
             "fade_s": skill.limits.fade_s,
             "axes": skill.axes,
+            "joints": skill.joints,
+            "margin_share": JOINT_MARGIN,
+            "unchecked": () if files.has("robot") else UNCHECKED,
+            "outputs": (*skill.outputs, *skill.digital),
         },
         tables={"skill_workspace": shown(pd.DataFrame(box))}
         | ({"skill_bounds": shown(pd.DataFrame(bounds))} if bounds else {}),

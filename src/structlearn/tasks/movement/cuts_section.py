@@ -16,7 +16,7 @@ from structlearn.reporting.movement_figures import draw_cuts, noise_figure, shad
 from structlearn.reporting.prose import level_name, listing
 from structlearn.segmentation.alignment import METHODS, RESULT
 from structlearn.segmentation.cut_errors import errors_by_level, errors_by_seed, paired_comparison
-from structlearn.segmentation.quality import MEASURES, quality
+from structlearn.segmentation.quality import MEASURES, OF_JOINTS, quality
 from structlearn.segmentation.segments import Segmentation
 from structlearn.tasks.movement.movement_learning import cut_metrics
 from structlearn.tasks.movement.parameters import MovementEntry
@@ -82,14 +82,15 @@ def cuts_section(files: TaskFiles) -> Section:
         "true": any(demonstration.true_segments is not None for demonstration in demonstrations),
     }
     tables = {
-        "lengths": shown(primitive_lengths(by_name, segmentation), start_to_end_mm=".0f"),
+        "lengths": shown(primitive_lengths(by_name, segmentation), start_to_end_mm=".0f", start_to_end=".3g"),
         "left_out": Table(segmentation.left_out),
         "warnings": Table(segmentation.warnings, {"number": ".2f"}),
     }
     if own.presegmented is None:  # quality of each demonstration, the best first; outliers are bold
         made = quality(demonstrations, segmentation.results, own.fit.smoothing_hz)
+        measures = OF_JOINTS if own.of_joints else MEASURES
         ranked = made.sort_values("rank", kind="stable").reset_index(drop=True)[
-            ["rank", "demonstration", *MEASURES, "outlier"]
+            ["rank", "demonstration", *measures, "outlier"]
         ]
         strong = frozenset(np.flatnonzero(ranked["outlier"] != "").tolist())
         tables["quality"] = shown(ranked, strong)
@@ -107,17 +108,21 @@ def cuts_section(files: TaskFiles) -> Section:
 
 
 def primitive_lengths(demonstrations: dict[str, Demonstration], segmentation: Segmentation) -> pd.DataFrame:
-    """Durations of the primitives, and distances from their start to their end, one row each."""
-    rows = []
+    """Durations of the primitives, and distances from their start to their end, one row each.
+
+    Of joints in their unit, as `start_to_end`.
+    """
+    rows, of_joints = [], any(run.of_joints for run in demonstrations.values())
     for name, cuts in segmentation.results.items():
         distances = []
         for demonstration, cut in cuts.iterrows():
             run = demonstrations[str(demonstration)]
             ticks = [min(round(cut[end] / run.dt), len(run.time) - 1) for end in ENDS]
-            distances.append(1e3 * np.linalg.norm(np.subtract(*run.position[ticks])))
+            distances.append((1.0 if of_joints else 1e3) * np.linalg.norm(np.subtract(*run.position[ticks])))
         durations = cuts["end_s"] - cuts["start_s"]
         rows.append((name, durations.mean(), durations.min(), durations.max(), np.mean(distances)))
-    return pd.DataFrame(rows, columns=["primitive", "mean_s", "shortest_s", "longest_s", "start_to_end_mm"])
+    distance = "start_to_end" if of_joints else "start_to_end_mm"
+    return pd.DataFrame(rows, columns=["primitive", "mean_s", "shortest_s", "longest_s", distance])
 
 
 def rests_section(files: TaskFiles) -> Section | None:
@@ -162,11 +167,12 @@ def speed_panel(demonstration: Demonstration, segmentation: Segmentation) -> Fig
     """Speed of one demonstration with its primitives and cuts."""
     figure = canvas(1.8, PANEL_WIDTH)
     panel = figure.subplots()
-    panel.plot(demonstration.time, 1e3 * speed(demonstration), color=BLACK)
+    factor, unit = (1.0, "joints per s") if demonstration.of_joints else (1e3, "mm/s")
+    panel.plot(demonstration.time, factor * speed(demonstration), color=BLACK)
     names = segmentation.primitives
     cuts = [tuple(segmentation.result(name).loc[demonstration.name, ENDS]) for name in names]
     shade_primitives(panel, cuts, names)
     draw_cuts(panel, cuts, demonstration)
     label = f"{demonstration.name}: time (s)"
-    panel.set(xlim=demonstration.time[[0, -1]], xlabel=label, ylabel="speed (mm/s)")
+    panel.set(xlim=demonstration.time[[0, -1]], xlabel=label, ylabel=f"speed ({unit})")
     return figure

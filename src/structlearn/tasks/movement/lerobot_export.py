@@ -5,7 +5,8 @@
 
 An episode is a demonstration from the start of its first primitive to the end of its last. Its state is the
 joint positions if recorded, otherwise the pose; its action is the next frame's state, as usual for
-demonstrations by hand. No images are written. `meta/episodes` also has the quality of each demonstration.
+demonstrations by hand, followed by the next frame's outputs. No images are written. `meta/episodes` also has
+the quality of each demonstration.
 """
 
 import json
@@ -22,7 +23,7 @@ from structlearn.core import quaternion
 from structlearn.core.artefacts import publish, write_arrow
 from structlearn.core.errors import InputError
 from structlearn.readers.demonstration import PARTS, Demonstration
-from structlearn.segmentation.quality import MEASURES, quality
+from structlearn.segmentation.quality import quality
 from structlearn.segmentation.segments import Segmentation
 
 VERSION = "v3.0"
@@ -75,7 +76,7 @@ def write_lerobot(
         rows = _write_data(episodes, names, folder)
         for row, run in zip(rows, runs, strict=True):
             row |= {"tasks": [task], "demonstration": run.name}
-            row |= {f"quality/{name}": measured.loc[run.name, name] for name in (*MEASURES, "outlier")}
+            row |= {f"quality/{name}": measured.loc[run.name, name] for name in measured if name != "rank"}
         _write_meta(rows, episodes, names, tuple(cuts), task, fps, robot, folder)
     return len(episodes)
 
@@ -86,12 +87,15 @@ def state_names(run: Demonstration) -> dict[str, tuple[str, ...]]:
     if run.joint_positions is not None:
         count = run.joint_positions.shape[1]
         state = run.joint_names or tuple(f"joint_{place + 1}" for place in range(count))
-    names = {"observation.pose": pose, "observation.state": state}
+    names = {} if run.of_joints else {"observation.pose": pose}
+    names["observation.state"] = state
     if run.wrench is not None:
         names["observation.wrench"] = tuple(PARTS["wrench"])
     if run.tactile is not None:
         names["observation.tactile"] = tuple(f"electrode_{n + 1}" for n in range(run.tactile.shape[1]))
-    return names | {"action": state}
+    if outputs := (*run.output_names, *run.digital_names):
+        names["observation.outputs"] = outputs
+    return names | {"action": (*state, *outputs)}
 
 
 def frames(run: Demonstration, cuts: Mapping[str, pd.DataFrame], fps: int) -> Frames:
@@ -110,11 +114,18 @@ def frames(run: Demonstration, cuts: Mapping[str, pd.DataFrame], fps: int) -> Fr
         turned = quaternion.interpolate(at, run.time, run.orientation)
         pose = np.hstack([pose, quaternion.sign_continuous(turned)])
     state = pose if run.joint_positions is None else sampled(run.joint_positions)
-    columns = {"observation.pose": pose, "observation.state": state}
+    columns = {} if run.of_joints else {"observation.pose": pose}
+    columns["observation.state"] = action = state
     for name in ("wrench", "tactile"):
         if (values := getattr(run, name)) is not None:
             columns[f"observation.{name}"] = sampled(values)
-    columns |= {"action": np.vstack([state[1:], state[-1:]]), "timestamp": time}
+    outputs = [] if run.outputs is None else [sampled(run.outputs)]
+    if run.digital is not None:
+        outputs.append(run.digital[np.searchsorted(run.time, at, side="right") - 1])
+    if outputs:
+        columns["observation.outputs"] = np.hstack(outputs)
+        action = np.hstack([state, *outputs])
+    columns |= {"action": np.vstack([action[1:], action[-1:]]), "timestamp": time}
     columns = {name: values.astype(np.float32) for name, values in columns.items()}
     subtask = np.searchsorted(starts, at + 1e-9, side="right") - 1
     return columns | {"frame_index": np.arange(count), "subtask_index": subtask}

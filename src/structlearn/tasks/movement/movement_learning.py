@@ -5,6 +5,7 @@ that was recorded in parts.
 """
 
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from functools import partial
 from itertools import product
 
@@ -20,14 +21,18 @@ from structlearn.primitives import stiffness
 from structlearn.primitives.fitting import (
     FitParameters,
     RhythmicSegment,
+    digital_segments,
     learn_primitive,
     orientations,
+    output_segments,
     primitive_errors,
     reproduction_errors,
     segment_paths,
     sequence_segments,
     whole_run_cuts,
+    without_frame,
 )
+from structlearn.primitives.outputs import typical
 from structlearn.primitives.position import in_local_frame
 from structlearn.primitives.sequence import PosePrimitive, SequencePath
 from structlearn.primitives.twist_swing import largest_turn
@@ -133,8 +138,10 @@ def reproduction(
 
     Returns rows of `cross_validation` with `scaled` (False: forcing terms as published, which do not scale
     with the reach) and `from_mean_mm`, the mean distance of the demonstration from the mean of all, in the
-    local frame and normalised time: no single movement can be much closer to all of them.
+    local frame and normalised time: no single movement can be much closer to all of them. Of joints
+    `from_mean_joint`, in their unit.
     """
+    factor, unit = (1.0, "joint") if runs[0].of_joints else (1e3, "mm")
     tables, as_published = list[pd.DataFrame](), list[pd.DataFrame]()
     published = parameters.model_copy(update={"scaled_axes": (False,) * 3})
     spread: dict[tuple[str, str], float] = {}
@@ -153,11 +160,53 @@ def reproduction(
             shares = min(cycles) / np.array(cycles)
             paths = [path[: round(share * len(path))] for path, share in zip(paths, shares, strict=True)]
         curves = np.array([signals.time_normalised(path, SAMPLES) for path in paths])
-        off_mm = 1e3 * np.linalg.norm(curves - curves.mean(axis=0), axis=2).mean(axis=1)
-        spread |= {(name, run): mm for run, mm in zip(names, off_mm, strict=True)}
+        off = factor * np.linalg.norm(curves - curves.mean(axis=0), axis=2).mean(axis=1)
+        spread |= {(name, run): distance for run, distance in zip(names, off, strict=True)}
     table = pd.concat(tables + as_published, ignore_index=True)
     both = zip(table["primitive"], table["demonstration"], strict=True)
-    return table.assign(from_mean_mm=[spread[key] for key in both])
+    return table.assign(**{f"from_mean_{unit}": [spread[key] for key in both]})
+
+
+def output_errors(
+    runs: Sequence[Demonstration], cuts: Mapping[str, pd.DataFrame], parameters: FitParameters, fold: int
+) -> pd.DataFrame:
+    """Distances of each continuous output's primitives from what was recorded, in the output's unit.
+
+    One row per `primitive`, `output` and `left_out`, as in `cross_validation`: `mean` and `max` over the
+    demonstrations, and `range`, from the least to the largest value in all.
+    """
+    rows, as_is = [], without_frame(parameters)
+    for place, output in enumerate(runs[0].output_names):
+        alone = [replace(run, outputs=run.signal("outputs")[:, [place]]) for run in runs]
+        values = np.concatenate([run.signal("outputs") for run in alone])
+        for name, segments in output_segments(alone, cuts, parameters.smoothing_hz).items():
+            errors = pd.concat(primitive_errors(name, segments, list(cuts[name].index), as_is, fold))
+            for left_out, own in errors[errors["regression"] == parameters.regression].groupby("left_out"):
+                distances = own["mean_joint"].mean(), own["max_joint"].max(), float(np.ptp(values))
+                rows.append((name, output, bool(left_out), *distances))
+    return pd.DataFrame(rows, columns=["primitive", "output", "left_out", "mean", "max", "range"])
+
+
+def edge_times(
+    runs: Sequence[Demonstration], cuts: Mapping[str, pd.DataFrame], primitives: Sequence[PosePrimitive]
+) -> pd.DataFrame:
+    """Digital outputs of each primitive, and how well the demonstrations agree.
+
+    One row per `primitive` and `output`: whether it `starts_on`; `changes_s`, when it changes in a run of the
+    mean duration, in words; `spread_ms`, the mean distance of the demonstrations' edges from these; `alike`
+    of `demonstrations` with this state and number of edges.
+    """
+    rows = []
+    for primitive, (name, states) in zip(primitives, digital_segments(runs, cuts).items(), strict=True):
+        for place, output in enumerate(runs[0].digital_names):
+            first, alike = typical(states, place)
+            edges_s = primitive.duration * alike  # (M, E)
+            changes_s = np.median(edges_s, axis=0)
+            off_ms = 1e3 * float(np.abs(edges_s - changes_s).mean()) if alike.size else 0.0
+            words = ", ".join(f"{change_s:.2f}" for change_s in changes_s)
+            rows.append((name, output, first, words, off_ms, len(alike), len(states)))
+    columns = ["primitive", "output", "starts_on", "changes_s", "spread_ms", "alike", "demonstrations"]
+    return pd.DataFrame(rows, columns=columns)
 
 
 def spreads(
@@ -187,7 +236,7 @@ def fit_metrics(reproduction: pd.DataFrame, parameters: FitParameters) -> Metric
         shown, word = (
             (errors[errors["left_out"]], "left_out") if errors["left_out"].any() else (errors, "fit")
         )
-        for unit in ("mm", "deg"):
+        for unit in ("mm", "deg", "joint"):
             if f"mean_{unit}" in shown:
                 metrics[f"primitives_{name}_{word}_{unit}"] = float(shown[f"mean_{unit}"].mean())
     return metrics

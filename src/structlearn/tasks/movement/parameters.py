@@ -1,6 +1,6 @@
 """Parameters of `movement` entries: recordings, cuts, primitives, corrections, and the skill's robot."""
 
-from typing import Annotated, Literal, Self
+from typing import Annotated, Any, Literal, Self
 
 import numpy as np
 from pydantic import Field, PositiveFloat, field_validator, model_validator
@@ -14,7 +14,7 @@ from structlearn.primitives.fitting import FitParameters
 from structlearn.primitives.position import FrameChoice
 from structlearn.primitives.stiffness import StiffnessParameters
 from structlearn.readers.source import ClockParameters, JointPose, Setting, SourceParameters, TopicMap
-from structlearn.segmentation.parameters import SegmentParameters
+from structlearn.segmentation.parameters import BETWEEN, STROKES, SegmentParameters
 
 PARTS = "parts"  # recordings are the primitives of one execution, each with its own name
 
@@ -113,7 +113,7 @@ class MovementEntry(SourceParameters):
 
     kind = "movement"
 
-    topics: TopicMap | None
+    topics: TopicMap | None  # of joints themselves, if they name no pose
     clock: ClockParameters | None
     presegmented: Name | None
     repeats: Annotated[int, Field(ge=1)] | Literal["auto"]
@@ -129,6 +129,30 @@ class MovementEntry(SourceParameters):
     feedback: TaskFeedbackParameters | None
     corrections: PhaseCorrectionParameters | None
     robot: RobotParameters | None
+
+    @model_validator(mode="before")
+    @classmethod
+    def _joints_have_no_frame(cls, values: Any) -> Any:
+        match values:
+            case {"topics": {"pose": None}, "fit": {"frame": "auto", **fit}}:
+                return values | {"fit": fit | {"frame": "none"}}
+        return values
+
+    @model_validator(mode="after")
+    def _joints_are_learned_alone(self) -> Self:
+        if self.of_joints != (self.fit.frame == "none"):
+            said = "joints have no frame but `none`" if self.of_joints else "a pose has a frame, not `none`"
+            raise ValueError(f"fit.frame: {self.fit.frame}: {said}")
+        parts = ("feedback", "corrections", "rests", "turns", "traces_hz", "stiffness")
+        if self.of_joints and (named := [part for part in parts if getattr(self, part)]):
+            raise ValueError(f"{', '.join(named)}: needs a pose, but topics name none, so joints are learned")
+        for primitive in self.segment.primitives if self.of_joints and self.segment is not None else ():
+            if primitive.axis not in ("xyz", STROKES, BETWEEN) or primitive.threshold_m_s is not None:
+                raise ValueError(
+                    f"segment: '{primitive.name}': all joints together show a primitive: its axis is "
+                    f"{STROKES}, {BETWEEN} or not named, without threshold_m_s"
+                )
+        return self
 
     @model_validator(mode="after")
     def _parts_fit_together(self) -> Self:
@@ -152,6 +176,11 @@ class MovementEntry(SourceParameters):
                 if self.topics is not None and not getattr(self.topics, sensor):
                     raise ValueError(f"feedback.sensors: {sensor} is felt by no topic; name it in topics")
         return self
+
+    @property
+    def of_joints(self) -> bool:
+        """Whether joints themselves are learned, in the unit in which they were recorded."""
+        return self.topics is not None and self.topics.pose is None
 
     @property
     def skips_failures(self) -> bool:

@@ -1,7 +1,8 @@
 """Page sections on primitives: learned primitives over their demonstrations, and the distances between."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
+from functools import partial
 from math import ceil
 from typing import TypeVar
 
@@ -24,11 +25,16 @@ from structlearn.primitives.sequence import PosePrimitive, largest_acceleration_
 from structlearn.primitives.stiffness import StiffnessParameters, suggested
 from structlearn.primitives.trajectory import Trajectory
 from structlearn.primitives.twist_swing import dominant_axes, on_chart
-from structlearn.readers.demonstration import POSE, Demonstration
+from structlearn.readers.demonstration import OUTPUTS, POSE, Demonstration, joint_names
 from structlearn.reporting.document import Table
 from structlearn.reporting.figure_style import SAMPLES, Drawing, canvas, legend, panel, styled
 from structlearn.reporting.findings import Findings
-from structlearn.reporting.movement_figures import reproduction_panel, sequence_figure, space_panels
+from structlearn.reporting.movement_figures import (
+    outputs_figure,
+    reproduction_panel,
+    sequence_figure,
+    space_panels,
+)
 from structlearn.tasks.movement.movement_learning import fit_metrics, learned_cuts
 from structlearn.tasks.movement.parameters import PARTS, MovementEntry
 from structlearn.tasks.section import Section, shown
@@ -46,6 +52,8 @@ VARIANTS = {
 DISTANCES = {"mean_mm": "mean distance (mm)", "max_mm": "largest distance (mm)"}
 DISTANCES |= {"end_mm": "distance at the end (mm)", "mean_deg": "mean angle (°)"}
 DISTANCES |= {"max_deg": "largest angle (°)", "end_deg": "angle at the end (°)"}
+DISTANCES |= {"mean_joint": "mean distance (joints)", "max_joint": "largest distance (joints)"}
+DISTANCES |= {"end_joint": "distance at the end (joints)"}
 MANY = 30  # number of demonstrations from which distances are shown as histograms
 DRAWN, POINTS = 100, 2000
 """Demonstrations drawn in a figure, spread evenly over all, and samples of a path; more make pages slow."""
@@ -57,7 +65,8 @@ VIEWS = {"xz": ("From the side", "forward", "up"), "xy": ("From above", "forward
 
 def primitives_section(files: TaskFiles) -> Section:
     """Section on the learned primitives and their distances from the demonstrations."""
-    own, runs, primitives = files.entry(MovementEntry), files.runs("demonstrations", POSE), files.primitives()
+    own, primitives = files.entry(MovementEntry), files.primitives()
+    runs, unit = files.runs("demonstrations", (*POSE, *OUTPUTS)), "joint" if own.of_joints else "mm"
     cuts = learned_cuts(files.segmentation(), own.keep_flagged)
     segments = sequence_segments(runs, cuts, own.fit.smoothing_hz)
     reproduction = files.table("primitives/reproduction").query("regression == @own.fit.regression")
@@ -66,10 +75,11 @@ def primitives_section(files: TaskFiles) -> Section:
     left_out = errors[errors["demonstrations"] == "left out"]
     quoted = left_out if len(left_out) else errors
     pictures: dict[str, Drawing | Sequence[Drawing]] = {}
-    if own.presegmented in (None, PARTS):
-        pictures["space"] = sequence_in_space(runs, sequences[TITLES["nominal"]])
+    if own.presegmented in (None, PARTS) or own.of_joints:
+        if not own.of_joints:
+            pictures["space"] = sequence_in_space(runs, sequences[TITLES["nominal"]])
         pictures["fit"] = [
-            fit_figure(primitive, place, segments[primitive.name], runs[0].dt)
+            fit_figure(primitive, place, segments[primitive.name], runs[0].dt, joint_names(runs[0]))
             for place, primitive in enumerate(primitives)
         ]
         pictures["sequence"] = sequence_figure(sequences)
@@ -78,14 +88,30 @@ def primitives_section(files: TaskFiles) -> Section:
     if own.stiffness is not None:
         spread = files.table("primitives/spread")
         pictures["stiffness"] = [stiffness_figure(one, spread, own.stiffness) for one in primitives]
-    if len(runs) >= MANY:
+    if len(runs) >= MANY and not own.of_joints:
         pictures["distances"] = [
             distance_panel(reproduction, f"{which} distance of the primitive", column, width_mm)
             for which, column, width_mm in (("Mean", "mean_mm", 5), ("Largest", "max_mm", 10))
         ]
+    tables: dict[str, Table] = {}
+    if runs[0].outputs is not None:
+        outputs = files.table("primitives/outputs")
+        words = outputs["left_out"].map({left_out: VARIANTS[left_out, True][1] for left_out in (False, True)})
+        tables["outputs"] = shown(outputs.assign(demonstrations=words).drop(columns="left_out"))
+    if runs[0].digital is not None:
+        tables["digital"] = shown(files.table("primitives/digital"))
+    if tables:
+        nominal = sequences[TITLES["nominal"]]
+        pictures["outputs"] = outputs_figure(nominal, stretched_outputs(runs, cuts, nominal))
     facts = {
         "own": own,
-        "worst": quoted.loc[quoted["mean_mm"].idxmax()].to_dict(),
+        "worst": quoted.loc[quoted[f"mean_{unit}"].idxmax()].to_dict(),
+        "distance": partial(_distance, own.of_joints),
+        "worst_mean": quoted[f"mean_{unit}"].max(),
+        "outputs": (*runs[0].output_names, *runs[0].digital_names),
+        "continuous": runs[0].outputs is not None,
+        "digital": runs[0].digital is not None,
+        "of_joints": own.of_joints,
         "jump": max(map(largest_acceleration_jump, sequences.values())),
         "names": list(cuts),
         "turns": "mean_deg" in errors,
@@ -105,10 +131,12 @@ def primitives_section(files: TaskFiles) -> Section:
             for one in primitives
             if one.rhythm is not None
         ],
-        "spread": reproduction.groupby("primitive", sort=False)["from_mean_mm"].mean().to_dict(),
+        "spread": reproduction.groupby("primitive", sort=False)[f"from_mean_{unit}"].mean().to_dict(),
         "drawn": set(pictures),
         "main": ""
         if own.turns or own.presegmented == PARTS
+        else "fit"
+        if own.of_joints
         else "space"
         if own.presegmented is None
         else "local",
@@ -120,10 +148,39 @@ def primitives_section(files: TaskFiles) -> Section:
         tuple(numbers)[:6] if len(left_out) else ()
     )  # a primitive is always near what it was learned from
     find = Findings.of_metrics(numbers, headlines).among("recorded movements")
-    add_distances(find, reproduction, errors, segments)
+    add_distances(find, reproduction, errors, segments, unit)
     table = shown(errors, end_mm=".3f")
-    tables = {"errors": replace(table, headings={**table.headings, **DISTANCES})}
+    tables["errors"] = replace(table, headings={**table.headings, **DISTANCES})
     return Section("primitives", "Primitives", facts=facts, tables=tables, pictures=pictures, find=find)
+
+
+def _distance(of_joints: bool, distance: float) -> str:
+    """A distance in words."""
+    return f"{distance:.3g} (joints, root of the sum of squares)" if of_joints else f"{distance:.1f} mm"
+
+
+def stretched_outputs(
+    runs: Sequence[Demonstration], cuts: Mapping[str, pd.DataFrame], nominal: pd.DataFrame
+) -> dict[str, list[tuple[np.ndarray, np.ndarray]]]:
+    """Outputs by column of a `sequence_table`, each with times in the table and values, of each segment."""
+    parts = nominal.groupby("primitive", sort=False)["time_s"].agg(["first", "last"])
+    curves: dict[str, list[tuple[np.ndarray, np.ndarray]]] = {}
+    for run in drawn(runs):
+        columns = {
+            f"{kind}.{name}": values
+            for kind, names, signal in (
+                ("output", run.output_names, run.outputs),
+                ("digital", run.digital_names, run.digital),
+            )
+            for name, values in zip(names, () if signal is None else signal.T, strict=True)
+        }
+        for name, rows in cuts.items():
+            if run.name in rows.index:
+                first, last = (round(float(rows.loc[run.name, end]) / run.dt) for end in ("start_s", "end_s"))
+                time = np.linspace(*parts.loc[name, ["first", "last"]], last - first + 1)
+                for column, values in columns.items():
+                    curves.setdefault(column, []).append((time, values[first : last + 1]))
+    return curves
 
 
 def drawn(demonstrations: Sequence[Drawn]) -> Sequence[Drawn]:
@@ -147,24 +204,31 @@ def error_summary(reproduction: pd.DataFrame) -> pd.DataFrame:
 
 
 def add_distances(
-    find: Findings, reproduction: pd.DataFrame, errors: pd.DataFrame, segments: dict[str, list[Segment]]
+    find: Findings,
+    reproduction: pd.DataFrame,
+    errors: pd.DataFrame,
+    segments: dict[str, list[Segment]],
+    unit: str = "mm",
 ) -> None:
     """Add distances by primitive and variant, and findings for claims over all primitives."""
     for name, own in reproduction.groupby("primitive", sort=False):
-        find.mean(f"{name}_own_spread_mm", own.drop_duplicates("demonstration")["from_mean_mm"], unit="mm")
+        spread = own.drop_duplicates("demonstration")[f"from_mean_{unit}"]
+        find.mean(f"{name}_own_spread_{unit}", spread, unit=unit)
     prefixes = {words: prefix for prefix, words in VARIANTS.values()}
     for row in errors.to_dict("records"):
         lead = f"{row['primitive']}_{prefixes[row['demonstrations']]}"
-        for key, column in (("mean_mm", "mean_mm"), ("max_mm", "max_mm"), ("end_max_mm", "end_mm")):
-            find.exact(f"{lead}_{key}", row[column], unit="mm")
+        for key, column in (("mean", "mean"), ("max", "max"), ("end_max", "end")):
+            find.exact(f"{lead}_{key}_{unit}", row[f"{column}_{unit}"], unit=unit)
     variants = {key: rows for key, rows in reproduction.groupby(["left_out", "scaled"], sort=False)}
     published = variants.get((False, False), variants[False, True])
     paths = [path.position for name in published["primitive"].unique() for path, _ in segments[name]]
-    lengths_mm = 1e3 * np.linalg.norm([path[-1] - path[0] for path in paths], axis=1)
-    find.exact("reach_ends", (100 * published["end_mm"] / lengths_mm).max(), len(published), unit="%")
+    factor = 1e3 if unit == "mm" else 1.0
+    lengths = factor * np.linalg.norm([path[-1] - path[0] for path in paths], axis=1)
+    find.exact("reach_ends", (100 * published[f"end_{unit}"] / lengths).max(), len(published), unit="%")
     if (True, True) in variants:
         left_out = variants[True, True]
-        find.mean("left_out_from_mean", left_out["mean_mm"] - left_out["from_mean_mm"], unit="mm")
+        beyond = left_out[f"mean_{unit}"] - left_out[f"from_mean_{unit}"]
+        find.mean("left_out_from_mean", beyond, unit=unit)
 
 
 @styled
@@ -179,29 +243,29 @@ def sequence_in_space(runs: list[Demonstration], nominal: pd.DataFrame) -> list[
 
 
 @styled
-def fit_figure(primitive: PosePrimitive, place: int, segments: list[Segment], dt: float) -> Figure:
+def fit_figure(
+    primitive: PosePrimitive, place: int, segments: list[Segment], dt: float, joints: Sequence[str] = ()
+) -> Figure:
     """Segments of all demonstrations relative to their goal, with the unrolled primitive.
 
-    Those of a rhythmic primitive are drawn over the cycle, relative to the middle of their strokes.
+    Of `joints` in their own unit. Those of a rhythmic primitive are drawn over the cycle, relative to the
+    middle of their strokes.
     """
+    factor, labels = (1.0, list(joints)) if joints else (1e3, [f"{axis} (mm)" for axis in AXES])
     if primitive.rhythm is not None:
         strokes = [segment for segment in drawn(segments) if isinstance(segment, RhythmicSegment)]
         paths = [path.position for path, _ in strokes] + [primitive.position.unroll(dt).position]
         *shown, unrolled = (
-            1e3 * thinned(path - 0.5 * (path.min(axis=0) + path.max(axis=0))) for path in paths
+            factor * thinned(path - 0.5 * (path.min(axis=0) + path.max(axis=0))) for path in paths
         )
         spans = [
             (own.first, own.first + own.cycles)
             for own in (*(one.rhythm for one in strokes), primitive.rhythm)
         ]
-        return reproduction_panel(
-            primitive.name, place, shown, unrolled, [f"{axis} (mm)" for axis in AXES], spans
-        )
-    shown = [1e3 * thinned(path.position - path.position[-1]) for path, _ in drawn(segments)]
-    unrolled = 1e3 * thinned(primitive.position.unroll(dt).position - primitive.position.goal)
-    return reproduction_panel(
-        primitive.name, place, shown, np.asarray(unrolled), [f"{axis} (mm)" for axis in AXES]
-    )
+        return reproduction_panel(primitive.name, place, shown, unrolled, labels, spans)
+    shown = [factor * thinned(path.position - path.position[-1]) for path, _ in drawn(segments)]
+    unrolled = factor * thinned(primitive.position.unroll(dt).position - primitive.position.goal)
+    return reproduction_panel(primitive.name, place, shown, np.asarray(unrolled), labels)
 
 
 @styled

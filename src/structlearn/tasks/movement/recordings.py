@@ -53,11 +53,12 @@ COLUMNS = ["set", "recording", "duration_s", "pose_hz", "largest_gap_ms", "signa
 def _listed(name: str, recordings: Iterable[Recording], table: list[tuple[Any, ...]]) -> Iterator[Recording]:
     """Recordings of a set, each with a row of `COLUMNS` in a table."""
     for one in recordings:
-        pose = next(stream for stream in one.streams if stream.kind == "pose")
+        pose = one.leading
         kinds = dict.fromkeys(stream.kind.replace("_", " ") for stream in one.streams)
         seconds = 1e-9 * float(pose.stamps[-1] - pose.stamps[0])
         rate_hz = 1.0 / np.median(1e-9 * np.diff(pose.stamps))
-        gap_ms = max(1e-6 * np.diff(stream.stamps).max() for stream in one.streams)
+        gaps = (np.diff(stream.stamps) for stream in one.streams if stream.kind != "digital")
+        gap_ms = max(1e-6 * gap.max() for gap in gaps)
         stamps = one.provenance.get("stamps", "")
         row = (name.replace("/", ", "), one.name, seconds, rate_hz, gap_ms, ", ".join(kinds), stamps)
         table.append(row)

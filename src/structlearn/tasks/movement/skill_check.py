@@ -1,6 +1,7 @@
 """Check whether a robot can execute whatever a skill may command, with margins by quantity and run.
 
-Every run is followed by inverse kinematics, starting near the same rest configuration.
+Every run is followed by inverse kinematics, starting near the same rest configuration. A skill that commands
+joints has them already: position, orientation and singularity are then nobody's concern.
 
 | quantity | bound |
 |---|---|
@@ -64,22 +65,23 @@ class Unroll:
 
     kind: str  # one of `check_results.KINDS`
     name: str  # difference from the nominal run, in words
-    position: np.ndarray  # (T, 3) m, in the frame of the demonstrations
+    position: np.ndarray  # (T, 3) m, in the frame of the demonstrations; of joints (T, J)
     orientation: np.ndarray | None  # (T, 4) unit quaternions
 
 
 def unrolls(skill: ReactiveSkill, rate_hz: float, slower: float = 1.0) -> Iterator[Unroll]:
     """The nominal run, 8 starts, 8 goals per primitive, and two runs per axis with feedback.
 
-    `slower`: factor on all durations.
+    Of joints, two starts and goals for each: at the ends of its range in the workspace. `slower`: factor on
+    all durations.
     """
     silent, run = replace(skill, networks={}), partial(_run, rate_hz=rate_hz, slower=slower)
     start, goals = default_start(skill.primitives), default_goals(skill.primitives)
     yield run(silent, NOMINAL, "as demonstrated", start, goals)
-    for name, corner in _corners(skill):
+    for name, corner in _corners(skill, start.position):
         yield run(silent, STARTS, f"start {name}", PoseGoal(corner, start.orientation), goals)
     for place, (primitive, goal) in enumerate(zip(skill.primitives, goals, strict=True)):
-        for name, corner in _corners(skill):
+        for name, corner in _corners(skill, goal.position):
             changed = [*goals[:place], PoseGoal(corner, goal.orientation), *goals[place + 1 :]]
             yield run(silent, GOALS, f"end of {primitive.name} {name}", start, changed)
     for axis, sign in product(skill.axes, (1.0, -1.0)):
@@ -90,9 +92,16 @@ def unrolls(skill: ReactiveSkill, rate_hz: float, slower: float = 1.0) -> Iterat
         yield run(pushed, CORRECTIONS, f"{axis} {'-' if sign > 0 else '+'}", start, goals)
 
 
-def _corners(skill: ReactiveSkill) -> Iterator[tuple[str, np.ndarray]]:
-    """Corners (3,) of the workspace with their names, e.g. `at x+ y- z+`."""
+def _corners(skill: ReactiveSkill, point: np.ndarray) -> Iterator[tuple[str, np.ndarray]]:
+    """Corners (3,) of the workspace with their names, `at x+ y- z+`; or a point with one joint at an end."""
     if skill.workspace is None:
+        return
+    for place, joint in enumerate(skill.joints):
+        for word, end in (("low", skill.workspace.low), ("high", skill.workspace.high)):
+            moved = point.copy()
+            moved[place] = end[place]
+            yield f"with {joint} {word}", moved
+    if skill.joints:
         return
     ends = np.array([skill.workspace.low, skill.workspace.high])
     for upper in product((0, 1), repeat=3):
@@ -115,7 +124,7 @@ def _run(
     controller = Controller(skill, rate_hz, durations, goals=goals)
     controller.start(start.position, start.orientation)
     ticks = 1 + sum(sample_count(duration, 1.0 / rate_hz) - 1 for duration in durations)
-    position, orientation = np.empty((ticks, 3)), np.empty((ticks, 4))
+    position, orientation = np.empty((ticks, len(controller.position))), np.empty((ticks, 4))
     for tick in range(ticks):
         controller.tick(None)
         position[tick], orientation[tick] = controller.position, controller.orientation
@@ -131,8 +140,11 @@ def check_skill(skill: ReactiveSkill, parameters: RobotParameters) -> SkillCheck
     """
     arm = read_arm(urdf_path(str(local_path(parameters.urdf))), parameters.tip, parameters.locked_joints)
     require_velocities(arm.source, arm.tree)
-    runs = [in_arm_frames(run, parameters) for run in unrolls(skill, RATE_HZ)]
-    if parameters.rest_configuration is None:
+    in_frames = partial(_in_arm_order, arm, skill.joints) if skill.joints else in_arm_frames
+    runs = [in_frames(run, parameters) for run in unrolls(skill, RATE_HZ)]
+    if skill.joints:
+        rest = runs[0].position[0]
+    elif parameters.rest_configuration is None:
         position, orientation = runs[0].position, runs[0].orientation
         turned = None if orientation is None else orientation[::COARSE]
         rest = rest_for(arm, position[::COARSE], turned, COARSE / RATE_HZ, SEED)
@@ -144,13 +156,23 @@ def check_skill(skill: ReactiveSkill, parameters: RobotParameters) -> SkillCheck
         notes += tuple(f"what {joint} moves has no collision shape" for joint in shapes.bare)
     except InputError as error:
         shapes, notes = None, (f"self-collision was not tested: {error}",)
+    if others := [name for name in skill.joints if name not in arm.tree.names]:
+        notes += (f"{', '.join(others)}: not between the base and {parameters.tip}, and not tested",)
+    if skill.joints:
+        notes += ("joints are taken as rad (m), as the URDF has them",)
+    if beside := (*skill.outputs, *skill.digital):
+        notes += (f"{', '.join(beside)}: outputs, which were not tested",)
     if skill.workspace is None:
         notes += ("the skill has no workspace, so starts and goals elsewhere were not tried",)
 
     def rows_of(unrolls: Iterable[Unroll]) -> pd.DataFrame:
         rows = []
         for run in unrolls:
-            followed = follow(arm, run.position, run.orientation, 1.0 / RATE_HZ, rest)
+            followed = (
+                run.position
+                if skill.joints
+                else follow(arm, run.position, run.orientation, 1.0 / RATE_HZ, rest)
+            )
             found_margins = margins(arm, followed, parameters, shapes)
             rows += [{"kind": run.kind, "run": run.name, **row} for row in found_margins]
         return pd.DataFrame(rows)
@@ -160,7 +182,7 @@ def check_skill(skill: ReactiveSkill, parameters: RobotParameters) -> SkillCheck
     failing, tried = set(check.failing["run"]), []
     for change, changed, slower in remedies(skill, check):
         again = (run for run in unrolls(changed, RATE_HZ, slower) if run.name in failing)
-        still = rows_of(in_arm_frames(run, parameters) for run in again)
+        still = rows_of(in_frames(run, parameters) for run in again)
         left = int(still.loc[still["verdict"] == NO, "run"].nunique())
         tried.append((change, len(failing), left, float(still["margin"].min())))
         if left == 0:
@@ -180,7 +202,7 @@ def remedies(skill: ReactiveSkill, check: SkillCheck) -> Iterator[tuple[str, Rea
         return
     if check.stretch > 1.0:
         yield slower, skill, stretch
-    if NOMINAL in kinds:
+    if NOMINAL in kinds or skill.joints:
         return
     for inset, share in zip(INSETS_M, SHARES, strict=True):
         words, changed = [], skill
@@ -198,6 +220,16 @@ def remedies(skill: ReactiveSkill, check: SkillCheck) -> Iterator[tuple[str, Rea
         yield " and ".join(words), changed, 1.0
         if check.stretch > 1.0:
             yield " and ".join([*words, slower]), changed, stretch
+
+
+def _in_arm_order(arm: Arm, joints: Sequence[str], run: Unroll, _: RobotParameters) -> Unroll:
+    """A run of joints in the arm's order. Raises InputError: the skill does not command one of them."""
+    if missing := [name for name in arm.tree.names if name not in joints]:
+        raise InputError(
+            f"{arm.source}: the skill commands {', '.join(joints)}, not {', '.join(missing)}: name what does "
+            "not move in robot.locked_joints"
+        )
+    return replace(run, position=run.position[:, [joints.index(name) for name in arm.tree.names]])
 
 
 def in_arm_frames(run: Unroll, parameters: RobotParameters) -> Unroll:
@@ -220,13 +252,14 @@ def in_arm_frames(run: Unroll, parameters: RobotParameters) -> Unroll:
 
 
 def margins(
-    arm: Arm, path: JointPath, parameters: RobotParameters, shapes: LinkShapes | None
+    arm: Arm, path: JointPath | np.ndarray, parameters: RobotParameters, shapes: LinkShapes | None
 ) -> Iterator[dict[str, Any]]:
     """Least margin of each quantity along one run at `RATE_HZ`: rows of `SkillCheck.margins` without the run.
 
-    The margin of a joint range is 1 in its middle, and for joints without limits.
+    `path`: of commanded joints (T, n), without what concerns the tip. The margin of a joint range is 1 in its
+    middle, and for joints without limits.
     """
-    tree, dt, joints = arm.tree, 1.0 / RATE_HZ, path.joints
+    tree, dt, joints = arm.tree, 1.0 / RATE_HZ, path.joints if isinstance(path, JointPath) else path
     units = ["m" if prismatic else "rad" for prismatic in tree.prismatic]
     velocity = signals.derivative(joints, dt)
     acceleration = signals.derivative(velocity, dt)
@@ -248,15 +281,19 @@ def margins(
         return values, bound, values / bound - 1.0, names, [unit] * len(names)
 
     largest, least = partial(_per_joint, arm, parameters), parameters.least_singular_value
+    first, last = list[tuple[str, tuple]](), list[tuple[str, tuple]]()
+    if isinstance(path, JointPath):
+        first.append(("position", at_most(path.missed_m[:, None], REACH_M, ["tip"], ["m"])))
+        first.append(("orientation", at_most(path.missed_rad[:, None], REACH_RAD, ["tip"], ["rad"])))
+        last.append(("singularity", at_least(path.least_singular_value[:, None], least, ["tip"], "")))
     for quantity, result in (
-        ("position", at_most(path.missed_m[:, None], REACH_M, ["tip"], ["m"])),
-        ("orientation", at_most(path.missed_rad[:, None], REACH_RAD, ["tip"], ["rad"])),
+        *first,
         ("joint range", (joints, nearer, middle, tree.names, units)),
         ("velocity", of_joints(velocity, tree.velocity, "/s")),
         ("acceleration", of_joints(acceleration, largest("max_acceleration"), "/s²")),
         ("jerk", of_joints(signals.derivative(acceleration, dt), largest("max_jerk"), "/s³")),
         ("joint jump", of_joints(steps, np.full(len(units), JUMP))),
-        ("singularity", at_least(path.least_singular_value[:, None], least, ["tip"], "")),
+        *last,
     ):
         yield {"quantity": quantity} | _worst(*result)
     if shapes is None:

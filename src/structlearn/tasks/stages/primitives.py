@@ -4,7 +4,7 @@ from structlearn.core.artefacts import publish, write_metrics
 from structlearn.primitives import sequence
 from structlearn.primitives.fitting import learn_sequence
 from structlearn.primitives.primitive_files import write_primitives, write_vector_primitive
-from structlearn.readers.demonstration import POSE
+from structlearn.readers.demonstration import OUTPUTS, POSE, joint_names
 from structlearn.tasks.movement import movement_learning as learning
 from structlearn.tasks.movement.parameters import PARTS, MovementEntry
 from structlearn.tasks.task_files import TaskFiles, run_for_task, write_tables
@@ -20,7 +20,8 @@ NEW_SITUATION = sequence.GeneraliseParameters(
 
 def main(files: TaskFiles) -> None:
     own = files.entry(MovementEntry)
-    runs = files.runs("demonstrations", POSE if own.traces_hz is None else (*POSE, "tactile"))
+    signals = (*POSE, *OUTPUTS, *(() if own.traces_hz is None else ("tactile",)))
+    runs = files.runs("demonstrations", signals)
     cuts = learning.learned_cuts(files.segmentation(), own.keep_flagged)
     primitives, dt = learn_sequence(runs, cuts, own.fit), runs[0].dt
     paths = {
@@ -28,10 +29,15 @@ def main(files: TaskFiles) -> None:
         "generalised": sequence.generalised(primitives, dt, NEW_SITUATION),
     }
     errors = learning.reproduction(runs, cuts, own.fit, own.fold)
-    tables = {name: sequence.sequence_table(path, list(cuts)) for name, path in paths.items()}
+    named = joint_names(runs[0]), runs[0].output_names, runs[0].digital_names
+    tables = {name: sequence.sequence_table(path, list(cuts), *named) for name, path in paths.items()}
     tables |= {"reproduction": errors}
     if own.stiffness is not None:
         tables["spread"] = learning.spreads(runs, cuts, primitives, own.fit)
+    if runs[0].outputs is not None:
+        tables["outputs"] = learning.output_errors(runs, cuts, own.fit, own.fold)
+    if runs[0].digital is not None:
+        tables["digital"] = learning.edge_times(runs, cuts, primitives)
     if own.turns:
         tables["turns"] = learning.turn_errors(runs, primitives[0], own.fit)
     if own.presegmented == PARTS:

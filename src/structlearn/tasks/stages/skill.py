@@ -9,6 +9,7 @@ from structlearn.feedback.coupling_targets import sensor_channels
 from structlearn.feedback.skill import ReactiveSkill, demonstrated_limits, demonstrated_workspace
 from structlearn.feedback.skill_file import skill_provenance, write_skill
 from structlearn.primitives.stiffness import suggested
+from structlearn.readers.demonstration import OUTPUTS, joint_names
 from structlearn.tasks.movement.feedback_learning import read_feedback
 from structlearn.tasks.movement.parameters import MovementEntry
 from structlearn.tasks.task_files import SKILL, TaskFiles, leave_out, run_for_task
@@ -16,23 +17,24 @@ from structlearn.tasks.task_files import SKILL, TaskFiles, leave_out, run_for_ta
 
 def main(files: TaskFiles) -> None:
     own, learned = files.entry(MovementEntry), read_feedback(files.folder / "feedback")
-    paths = [run.position for run in files.runs("demonstrations", ())]
-    workspace = demonstrated_workspace(paths, own.skill.workspace_margin_m)
+    runs = files.runs("demonstrations", OUTPUTS)
+    joints = joint_names(runs[0])
+    workspace = demonstrated_workspace([run.position for run in runs], own.skill.workspace_margin_m, joints)
+    named = {"joints": joints, "outputs": runs[0].output_names, "digital": runs[0].digital_names}
     try:
-        skill = ReactiveSkill(files.primitives(), workspace=workspace)
+        skill = ReactiveSkill(files.primitives(), workspace=workspace, **named)
     except InputError as error:  # a primitive no controller can step, e.g. with a turn beyond half a circle
         with publish(files.folder / "skill") as folder:
             leave_out(folder, str(error))
         return
     if learned is not None and own.feedback is not None:
         targets = {axis: [by[axis].target for by in learned.datasets.values()] for axis in own.feedback.axes}
-        skill = ReactiveSkill(
-            skill.primitives,
-            learned.expected,
-            learned.networks,
-            demonstrated_limits(targets, own.skill),
-            workspace,
-            sensor_channels(own.feedback.sensors, learned.expected),
+        skill = replace(
+            skill,
+            expected=learned.expected,
+            networks=learned.networks,
+            limits=demonstrated_limits(targets, own.skill),
+            sensors=sensor_channels(own.feedback.sensors, learned.expected),
         )
     if own.stiffness is not None:
         profiles = {
