@@ -37,7 +37,7 @@ from dissertation.scraping.world import layout
 from structlearn.core import signals
 from structlearn.core.metrics import matching
 from structlearn.feedback.coupling_dataset import CouplingDataset
-from structlearn.palette import AXIS_COLOURS, BLACK, BLUE, GREY, ORANGE
+from structlearn.palette import AXIS_COLOURS, BLACK, BLUE, GREY
 from structlearn.policy_search.refinement import FEEDBACK, IMPROVED, SAMPLE
 from structlearn.readers.demonstration import Demonstration
 from structlearn.reporting.figure_style import PANEL_WIDTH, canvas, styled
@@ -79,7 +79,7 @@ def expected_figure(stored: Stored) -> list[Figure]:
     moved = np.max([np.ptp(learned, axis=0) for _, learned in stored.felt.values()], axis=0)
     shown = np.sort(np.argsort(-moved, kind="stable")[:CHANNELS_SHOWN])
     labels = [f"channel {channel + 1} (counts)" for channel in shown]
-    look = {"color": ORANGE, "linestyle": (0, (4, 2)), "linewidth": 1.2, "label": "expected trace"}
+    look = {"color": BLACK, "linestyle": (0, (4, 2)), "linewidth": 1.2, "label": "expected trace"}
     figures = []
     for name, (runs, learned) in stored.felt.items():
         figure, rows = stacked_panels(labels, 3.4, capitalised(name))
@@ -168,8 +168,8 @@ def executions_figure(stored: Stored) -> list[Figure]:
         figure, rows = stacked_panels(labels, 5.6, time="time (s)")
         roll, force, torque, touch = rows
         tool, wrench = stored.tilt_deg + layout.tool_roll_deg(run, stored.axis), run.signal("wrench")
-        roll.plot(run.time, tool, color=ORANGE, linewidth=1.0, label="tool")
-        roll.plot(run.time, layout.hand_roll_deg(run, stored.axis), color=BLUE, label="hand")
+        roll.plot(run.time, tool, color=BLUE, linewidth=1.0, label="tool")
+        roll.plot(run.time, layout.hand_roll_deg(run, stored.axis), color=GREY, label="hand")
         roll.axhline(stored.tilt_deg, color=BLACK, linestyle=":", linewidth=1.2, label="board")
         roll.legend(ncols=3)
         roll.set_title(f"{capitalised(RUNS[kind].name)}, board at {stored.tilt_deg:g}°", pad=18)

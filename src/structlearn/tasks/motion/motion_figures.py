@@ -8,7 +8,7 @@ import pandas as pd
 from matplotlib.figure import Figure
 
 from structlearn.core.metrics import matching
-from structlearn.palette import BLACK, BLUE, CATEGORICAL_COLOURS, GREY, ORANGE
+from structlearn.palette import BLACK, BLUE, CATEGORICAL_COLOURS, GREY
 from structlearn.reporting.figure_style import Drawing, legend, panel, styled
 from structlearn.rigid_body.motion import Motion
 from structlearn.tasks.motion.motion_results import BEST, BOUNDS, LOOKS, URDF, MotionResults
@@ -95,7 +95,7 @@ def load_panel(results: MotionResults, log: str) -> Figure:
             axes.plot([start, end], [true, true], color=BLACK, linewidth=2.0, label=f"published: {true:g} kg")
             if start + load.settled_s < end:  # ends below the text
                 axes.axvline(start + load.settled_s, ymax=0.9, color=BLACK, linestyle=":", linewidth=1.0)
-    axes.plot(carried["time_s"], carried["mass_kg"], color=ORANGE, linewidth=1.8, label="found so far")
+    axes.plot(carried["time_s"], carried["mass_kg"], color=BLUE, linewidth=1.8, label="found so far")
     axes.axhline(0.0, color=BLACK, linewidth=0.7)
     axes.set(xlim=(0.0, carried["time_s"].max()), ylim=(min(-0.3, 1.1 * carried["mass_kg"].min()), top))
     return legend(figure)
