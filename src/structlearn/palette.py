@@ -4,9 +4,9 @@ The categorical colours are those of Okabe and Ito, which people with common col
 without yellow; ochre, pink and light blue are darker than theirs, so that every line has a contrast of 3:1 on
 white and on the recordings' dark background.
 
-In a picture that compares, green is good and orange bad, as in the verdicts of the pages; grey learns nothing,
-ochre is the dissertation's form, blue ours. Labels that are neither better nor worse (primitives, axes, shapes,
-electrodes) take the categorical colours in order.
+In a picture that compares, green is good and orange bad, as in the verdicts of the pages; grey is what learns
+nothing, ochre the dissertation's form, blue ours. Labels that are neither better nor worse (primitives, axes,
+shapes, electrodes) take the categorical colours in order.
 """
 
 from typing import NamedTuple
@@ -62,7 +62,7 @@ METHOD_NAMES = {
     "wls_published": "weighted, as printed",
     "wls": "weighted, with crossings",
 }
-METHOD_COLOURS = {"zvc": GREY, "dtw": OCHRE, "ls": LIGHT_BLUE, "wls_published": PINK, "wls": BLUE}
+METHOD_COLOURS = {"zvc": WITHOUT, "dtw": PINK, "ls": LIGHT_BLUE, "wls_published": PUBLISHED, "wls": OURS}
 
 PHASE_PATHS = {
     "nominal": Look("nominal primitive", PINK),

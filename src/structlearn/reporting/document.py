@@ -254,7 +254,7 @@ def cell(value: object, number_format: str = "") -> str:
         number_format = number_format or ".6g"  # further digits depend on the processor
     elif not isinstance(value, int | np.number):
         return str(value)
-    return format(value, number_format).replace("-", "\N{MINUS SIGN}")
+    return prose.spelled(value, number_format)
 
 
 def parameter_table(parameters: Mapping[str, Parameters]) -> pd.DataFrame:
