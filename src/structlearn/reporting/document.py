@@ -57,6 +57,7 @@ class Panel:
     path: str
     width: int
     height: int
+    drawn: bool = True  # by a plot, whose colours a dark page inverts; otherwise an image of a scene
 
 
 @dataclass(frozen=True)
