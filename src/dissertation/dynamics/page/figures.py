@@ -27,7 +27,8 @@ from dissertation.dynamics.protocol.tracking import TrackedReach, tracked_reache
 from dissertation.dynamics.world.arm_motion import SineParameters, sine_path
 from dissertation.dynamics.world.joint_logs import PayloadParameters
 from dissertation.evidence.results import Results
-from dissertation.simulation.still import View, still
+from dissertation.simulation.still import View
+from dissertation.simulation.still import still as rendered
 from structlearn.palette import BLACK, GREY
 from structlearn.reporting.figure_style import PANEL_WIDTH, Drawing, Raster, canvas, styled
 from structlearn.rigid_body.model_names import (
@@ -68,10 +69,13 @@ def legend_above(figure: Figure, axes: Axes, columns: int = 6) -> None:
 
 
 @styled
-def drawings(results: Results, raw: Raw, chosen: Mapping[str, Any]) -> Mapping[str, Sequence[Drawing]]:
-    """All figures of the page except the still, keyed by name.
+def drawings(
+    results: Results, still: np.ndarray, raw: Raw, chosen: Mapping[str, Any]
+) -> Mapping[str, Sequence[Drawing]]:
+    """All figures of the page, keyed by name.
 
-    `raw`: tables of this run, see `page.Raw`; `chosen`: parameters by key of `params.yaml`.
+    `still`: image of the arm; `raw`: tables of this run, see `page.Raw`; `chosen`: parameters by key of
+    `params.yaml`.
     """
     errors, learning = raw["errors"], chosen["train_dynamics"].learning
     keys = ["form", "model", "seed", "epoch"]
@@ -83,6 +87,7 @@ def drawings(results: Results, raw: Raw, chosen: Mapping[str, Any]) -> Mapping[s
         for arm, title in ROBOT_TITLES.items()
     }
     return {
+        "still": [still, epochs_panel(results)],
         "training": [_training(curves, form, learning.threshold) for form in FORMS],
         "tracking": [_tracking(results, arm) for arm in ROBOT_TITLES],
         "reaches": [draw(its, title) for draw in (_off, _speeds) for title, its in reaches.items()],
@@ -107,7 +112,7 @@ def arm_still(urdf: str, tree: KinematicTree, motion: SineParameters) -> np.ndar
     """Image (H, W, 3) uint8 of a URDF's arm in several poses of its sine motion, side by side."""
     path = sine_path(tree, motion).position
     poses = (path[int(share * len(path))] for share in SHOWN_AT)
-    return np.hstack([still(VIEW, urdf=urdf, angles=pose)[:, COLUMNS] for pose in poses])
+    return np.hstack([rendered(VIEW, urdf=urdf, angles=pose)[:, COLUMNS] for pose in poses])
 
 
 def _curves(curves: pd.DataFrame, step: str, column: str, value: str, title: str) -> Figure:
@@ -138,20 +143,37 @@ def _training(curves: pd.DataFrame, form: str, threshold: float) -> Figure:
     return figure
 
 
+def epochs_panel(results: Results) -> Figure:
+    """Epochs to the criterion in simulation, one mark per seed; hollow marks: it was not met by then."""
+    epochs, reached = (results.wide(name, ["model", "form"], arm=IDEAL) for name in ("epochs", "reached"))
+    return _by_model(
+        epochs.clip(lower=1.0),
+        reached == 0.0,
+        ("Epochs until every joint meets the criterion", "epochs"),
+        "not met",
+    )
+
+
 def _tracking(results: Results, arm: str) -> Figure:
     """NMSE of the tool velocity in reaches, one mark per seed or robot; hollow marks: stopped runs."""
-    figure, panel = _panel(3.6, ROBOT_TITLES[arm], "NMSE of the tool's velocity in reaches", "")
     scores, stopped = (
         results.wide(name, ["model", "form"], arm=arm, task=REACH) for name in ("velocity_nmse", "stopped")
     )
-    models = models_in_order({model for model, _ in scores})
-    for model, form in scores:
+    titles = ROBOT_TITLES[arm], "NMSE of the tool's velocity in reaches"
+    return _by_model(scores, stopped == 1.0, titles, "stopped")
+
+
+def _by_model(values: pd.DataFrame, hollow: pd.DataFrame, titles: tuple[str, str], word: str) -> Figure:
+    """One mark per seed or robot (rows) for each model and form (columns); `word` says what hollow means."""
+    figure, panel = _panel(3.6, *titles, "")
+    models = models_in_order({model for model, _ in values})
+    for model, form in values:
         middle = {CHOSEN: -0.17, PLAIN: 0.17}.get(form, 0.0)
-        runs = scores[model, form].dropna()
+        runs = values[model, form].dropna()
         offsets = models.index(model) + middle + np.linspace(-0.1, 0.1, len(runs))
-        for halted in (False, True):
-            its = (stopped[model, form][runs.index] == 1.0) == halted
-            fill: dict[str, Any] = {"fillstyle": "none" if halted else "full", "markersize": 4}
+        for empty in (False, True):
+            its = hollow[model, form][runs.index] == empty
+            fill: dict[str, Any] = {"fillstyle": "none" if empty else "full", "markersize": 4}
             panel.plot(runs[its], offsets[its], FORM_MARKERS.get(form, "o"), color=colour(model), **fill)
     panel.set_yticks(range(len(models)), [model_name(model) for model in models])
     panel.set_xscale("log")
@@ -162,7 +184,7 @@ def _tracking(results: Results, arm: str) -> Figure:
         Line2D([], [], label=FORM_TITLES[form], marker=marker, **mark)
         for form, marker in FORM_MARKERS.items()
     ]
-    handles.append(Line2D([], [], label="stopped", marker="o", fillstyle="none", **mark))
+    handles.append(Line2D([], [], label=word, marker="o", fillstyle="none", **mark))
     figure.legend(handles=handles, loc="outside upper left", ncols=3)
     return figure
 
@@ -178,14 +200,13 @@ def _off(reaches: Sequence[TrackedReach], title: str) -> Figure:
 
 
 def _speeds(reaches: Sequence[TrackedReach], title: str) -> Figure:
-    """Speed of the tool and of its reference over time."""
-    figure, panel = _panel(2.2, title, "time (s)", "speed of the tool (m/s)")
-    wanted = reaches[0].speeds[1]
-    panel.plot(reaches[0].time, wanted, label="wanted", **WIDE)
+    """Difference of the tool's speed from that of its reference over time."""
+    figure, panel = _panel(2.4, title, "time (s)", "error of the speed (m/s)")
     for reach in reaches:
-        panel.plot(reach.time, reach.speeds[0], **look(reach.model))
-    panel.set_ylim(0.0, 2.0 * wanted.max())
-    legend_above(figure, panel)
+        error = np.abs(reach.speeds[0] - reach.speeds[1])
+        panel.plot(reach.time, np.maximum(error, 1e-4), label=reach.label, **look(reach.model))
+    panel.set(yscale="log", ylim=(8e-5, 1e1))
+    legend_above(figure, panel, columns=5)
     return figure
 
 
