@@ -146,12 +146,11 @@ def _training(curves: pd.DataFrame, form: str, threshold: float) -> Figure:
 def epochs_panel(results: Results) -> Figure:
     """Epochs to the criterion in simulation, one mark per seed; hollow marks: it was not met by then."""
     epochs, reached = (results.wide(name, ["model", "form"], arm=IDEAL) for name in ("epochs", "reached"))
-    return _by_model(
-        epochs.clip(lower=1.0),
-        reached == 0.0,
-        ("Epochs until every joint meets the criterion", "epochs"),
-        "not met",
-    )
+    titles = "Epochs until every joint meets the criterion", "epochs"
+    figure = _by_model(epochs.clip(lower=1.0), reached == 0.0, titles, "not met")
+    figure.axes[0].set_xticks(EPOCH_TICKS[1:], [str(tick) for tick in EPOCH_TICKS[1:]])
+    figure.axes[0].minorticks_off()
+    return figure
 
 
 def _tracking(results: Results, arm: str) -> Figure:
