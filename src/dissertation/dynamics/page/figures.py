@@ -102,7 +102,7 @@ def drawings(
             if joint in SHOWN_JOINTS
         ],
         "payload": [
-            _payload(raw["payload"], chosen["record_motion"].payload, pick_up_s(chosen)),
+            payload_panel(raw["payload"], chosen["record_motion"].payload, pick_up_s(chosen)),
             _payload_errors(raw["payload"]),
         ],
     }
@@ -241,7 +241,8 @@ def _friction(joint: int, residuals: pd.DataFrame) -> Figure:
     return figure
 
 
-def _payload(payload: pd.DataFrame, carried: PayloadParameters, pick_up: float) -> Figure:
+@styled
+def payload_panel(payload: pd.DataFrame, carried: PayloadParameters, pick_up: float) -> Figure:
     """Learned mass and first moment of a payload relative to the truth, one thin line per robot."""
     figure, panel = _panel(2.5, "Learned payload", "time (s)", "share of the truth")
     truth = carried.mass_kg * np.linalg.norm(carried.point_m)

@@ -30,8 +30,8 @@ CLOSE = View(target=(0.63, -0.02, 0.135), distance=0.5, yaw_deg=12.0, pitch_deg=
 """View along the scraping direction, in which the tool's roll on the board is visible."""
 
 PANEL, WORDS = (420, 380), 72  # pixels of one run in the loop, and of the text above it
-TILT_S, HOLD_S = 1.0, 1.2  # duration of the board's tilt before the run, and of the pause after it
-FRAMES_PER_S, SPEED = 12, 2.0  # of the loop; speed-up over real time
+TILT_S, HOLD_S = 0.8, 0.8  # duration of the board's tilt before the run, and of the pause after it
+FRAMES_PER_S, SPEED = 12, 3.0  # of the loop; speed-up over real time
 QUALITY = 70  # of WebP: the largest with a loop safely below 1 MB
 
 
@@ -45,7 +45,11 @@ def scraping_still(run: Demonstration, board_deg: float) -> np.ndarray:
 
 
 def write_loop(path: Path, runs: Sequence[tuple[Look, Demonstration]], board_deg: float) -> None:
-    """Write an animated WebP: the board tilts, then the runs are executed side by side, in close-up."""
+    """Write an animated WebP: the board tilts, then the runs are executed side by side, in close-up.
+
+    It begins in the middle of the last primitive, where the runs differ: viewers that do not play it, and
+    readers who look once, see that.
+    """
     frames = round(TILT_S * FRAMES_PER_S)
     last = round(float(runs[0][1].signal("true_segments")[-1, 1]) / runs[0][1].dt)
     step = round(SPEED / FRAMES_PER_S / runs[0][1].dt)
@@ -53,8 +57,11 @@ def write_loop(path: Path, runs: Sequence[tuple[Look, Demonstration]], board_deg
     moments = [(0, tilt * board_deg) for tilt in tilts]
     moments += [(moment, board_deg) for moment in range(0, last + 1, step)]
     drawn = partial(_frame, runs=runs, board_deg=board_deg)
+    durations = [round(1000 / FRAMES_PER_S)] * (len(moments) - 1) + [round(1000 * HOLD_S)]
+    telling = round(float(runs[0][1].signal("true_segments")[-1].mean()) / runs[0][1].dt)
+    start = next(place for place, (moment, _) in enumerate(moments) if moment >= telling)
+    moments, durations = (its[start:] + its[:start] for its in (moments, durations))
     first, *others = parallel_map(drawn, moments, "frames of the loop", local=True)
-    durations = [round(1000 / FRAMES_PER_S)] * len(others) + [round(1000 * HOLD_S)]
     first.save(path, "WEBP", save_all=True, append_images=others, duration=durations, loop=0, quality=QUALITY)
 
 
