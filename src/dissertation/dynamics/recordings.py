@@ -122,7 +122,7 @@ def torques(
         f"| {COLOUR_NAMES[colour(model)]} | {model_name(model)} | {error:.3g} |"
         for model, error in errors.mean().items()
     ]
-    title = "Dynamics: torque errors, perturbed robot (simulated)"
+    title = "Dynamics: torque errors of the perturbed robot (simulated)"
     notes = (
         f"### {title}\n\nSimulated. Torques of models minus the measured ones; the models learned from the "
         "whole log, first seed. What is far off leaves its plot.\n\n"

@@ -17,7 +17,9 @@ from structlearn.readers.demonstration import Demonstration
 ARM = "kuka_iiwa/model.urdf"  # with meshes, in PyBullet's data folder
 BOARD_M = np.array([0.10, 0.18, 0.006])
 BENCH_M = np.array([0.16, 0.24, 0.02])
-PALM_M, FINGER_M, BLADE_M = np.array([0.07, 0.09, 0.04]), np.array([0.018, 0.02, 0.055]), 0.003
+TIP_M = 0.0075  # of the fingers, beyond the grasp
+PALM_M, FINGER_M = np.array([0.07, 0.09, 0.065]), np.array([0.018, 0.02, layout.GRASP_M + TIP_M])
+BLADE_M = 0.003
 """Sizes of parts drawn as boxes; the simulation only has their masses and contacts."""
 
 WOOD, STEEL, SKIN, TOOL = (
@@ -102,8 +104,8 @@ def _solids(run: Demonstration, moment: int, board_deg: float, drawn_deg: float 
         Solid("box", BOARD_M / 2, below, drawn, WOOD),
         Solid("cylinder", (0.012, 0.07), (*base, 0.055), colour=STEEL),
         Solid("box", BENCH_M / 2, (*base, 0.01), colour=STEEL),
-        held(PALM_M, (0.0, 0.0, -layout.GRASP_M - 0.02), hand, SKIN),
-        held(FINGER_M, (0.016, 0.0, -0.02), hand, SKIN),
-        held(FINGER_M, (-0.016, 0.0, -0.02), hand, SKIN),
+        held(PALM_M, (0.0, 0.0, -layout.GRASP_M - 0.5 * PALM_M[2]), hand, SKIN),
+        held(FINGER_M, (0.016, 0.0, TIP_M - 0.5 * FINGER_M[2]), hand, SKIN),
+        held(FINGER_M, (-0.016, 0.0, TIP_M - 0.5 * FINGER_M[2]), hand, SKIN),
         held(blade, (0.0, 0.0, layout.EDGE_M / 2), tool, TOOL),
     ]
