@@ -197,7 +197,7 @@ def closed_loop_figure(stored: Stored, primitive: str) -> list[Figure]:
     figures: list[Figure] = []
     for setting in [one for one in settings(traces, tilted=True) if one in stored.corrected_deg]:
         seen = "" if setting in known else ", never learned from"
-        figure, rows = stacked_panels(labels, 3.6, f"Board at {setting:g}°{seen}")
+        figure, rows = stacked_panels(labels, 4.6, f"Board at {setting:g}°{seen}")
         here = traces[traces["setting_deg"] == setting]
         for axes, (name, values) in zip(rows, columns.items(), strict=True):
             curves = {CORRECTED: demonstrated_curves(dataset, setting, values)}
