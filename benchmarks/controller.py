@@ -46,7 +46,6 @@ from structlearn.feedback.cpp_export import header
 from structlearn.feedback.models.pmnn import PhaseModulatedNetwork, coupling_term
 from structlearn.feedback.runtime import Controller
 from structlearn.feedback.skill import ReactiveSkill, Workspace, on_axis
-from structlearn.primitives import canonical
 from structlearn.primitives.orientation import fit_quaternion, fit_rhythmic_quaternion
 from structlearn.primitives.outputs import Switching
 from structlearn.primitives.position import fit_position, fit_rhythmic_position

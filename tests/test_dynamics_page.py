@@ -17,6 +17,7 @@ from dynamics_tables import (
 
 from dissertation.dynamics import page
 from dissertation.dynamics.names import IDEAL, ROBOT
+from dissertation.dynamics.page.figures import payload_panel
 from dissertation.dynamics.page.findings import findings, published
 from dissertation.dynamics.page.page import dynamics_page, tables
 from dissertation.dynamics.protocol.trainings import CHOSEN, FORMS, PLAIN
@@ -172,6 +173,14 @@ def test_a_payload_is_settled_when_its_mass_stays_right(raw):
     never = raw | {"payload": wrong}
     assert findings_of(never).numbers()["payload_settled"] == 0
     assert rendered(never)
+
+
+def test_the_payload_that_is_carried_is_a_step(raw):
+    carried = parameters()["record_motion"].payload
+    figure = payload_panel(raw["payload"], carried, 30.0)
+    line = next(its for its in figure.axes[0].lines if its.get_label() == "carried")
+    assert line.get_drawstyle() == "steps-pre"
+    assert line.get_xydata().tolist() == [[0.0, 0.0], [30.0, 0.0], [60.0, 1.0]]
 
 
 def test_after_a_change_of_tracking_what_was_learned_keeps_its_study(raw, tmp_path, monkeypatch):

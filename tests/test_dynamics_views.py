@@ -13,7 +13,7 @@ from dissertation.dynamics.protocol.trainings import CHOSEN
 from dissertation.dynamics.world.joint_logs import PayloadParameters
 from dissertation.dynamics.world.operational_space import tool_motion
 from structlearn.readers.joint_log import JointLog
-from structlearn.rigid_body.dynamics_models import DynamicsModels
+from structlearn.rigid_body.dynamics_models import DynamicsModels, rigid_body_torques
 from structlearn.rigid_body.inertia_parameters import free_parameters
 from structlearn.rigid_body.model_names import DEFAULT
 from structlearn.rigid_body.motion import Motion
@@ -72,7 +72,7 @@ def test_plots_and_headings_say_who_was_stopped(shown, reaches):
     assert wanted == pytest.approx(shown[0].speeds[1])
 
 
-def test_torques_are_shown_per_joint_beside_the_measured_ones(tmp_path):
+def test_torques_are_shown_per_joint_less_the_measured_ones(tmp_path):
     arm, time = iiwa(), np.arange(20) / 10.0
     q = np.column_stack([np.sin(time + joint) for joint in range(7)])
     motion = Motion(q, np.gradient(q, axis=0), np.zeros_like(q), np.cos(q))
@@ -85,11 +85,11 @@ def test_torques_are_shown_per_joint_beside_the_measured_ones(tmp_path):
     shown = chosen(torques_s=1.5, rate_hz=5.0)
     write(path, views.torques(IIWA, arm, motion, 0.1, models, TOOL_M, shown))
     joint = f"/torque/{TREE.names[4]}"
-    measured, learned, default = (
-        np.ravel(values(path, f"{joint}/{name}", "Scalars:scalars"))
-        for name in ("_measured", "cov_coulomb", DEFAULT)
+    learned, default = (
+        np.ravel(values(path, f"{joint}/{name}", "Scalars:scalars")) for name in ("cov_coulomb", DEFAULT)
     )
-    assert measured == pytest.approx(kept.torque[:, 4])
+    known = rigid_body_torques(arm.tree, arm.inertias, kept)
+    assert default == pytest.approx((known - kept.torque)[:, 4])
     speed = kept.qd[:, 4]  # the same links, and friction on top
     assert learned - default == pytest.approx(0.25 * (speed + np.tanh(speed / 0.02)), abs=1e-4)
     assert "Simulated." in note(path)

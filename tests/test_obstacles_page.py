@@ -257,8 +257,8 @@ def test_the_text_s_form_decides_what_the_text_says_and_ours_what_this_project_s
 def test_hits_stand_beside_those_without_avoidance(results):
     clean = with_scores(with_scores(results, hit=False), {"model": "none"}, hit=True)
     its = find(clean)
-    assert in_words(its["hits_per_setting"], "count") == "0 of 6 (hit; 100.0 % without avoidance)"
-    assert its["hits_unseen"]["all"].remark == "hit; 100.0 % without avoidance"
+    assert in_words(its["hits_per_setting"], "count") == "0 of 6 (are hit; without avoidance 100.0 %)"
+    assert its["hits_unseen"]["all"].remark == "are hit; without avoidance 100.0 %"
     assert verdicts(its)["hits_per_setting"] == "yes"
     assert its["unseen_against_none"].value == 100.0
 

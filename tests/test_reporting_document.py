@@ -14,6 +14,7 @@ from structlearn.reporting.document import Document, Panel, Source, Table, envir
 from structlearn.reporting.evidence import exact
 from structlearn.reporting.figure_style import PANEL_WIDTH, Raster, canvas, styled
 from structlearn.reporting.findings import Findings
+from structlearn.reporting.prose import rounded
 from structlearn.reporting.publishing import publish_report
 
 TEMPLATE = """{% extends "document.html.jinja" %}
@@ -97,6 +98,27 @@ def test_what_is_named_must_be_there(package, changes, error):
 @pytest.mark.parametrize("value", [np.nan, -np.inf])
 def test_a_number_that_no_run_gave_has_a_word(package, value):
     assert '<p class="lead">unknown</p>' in render(document(package, facts=FACTS | {"error": value}), PANELS)
+
+
+@pytest.mark.parametrize(
+    ("value", "how", "words"),
+    [
+        (7.63e4, ".2e", "76 300"),
+        (112.4, ".2g", "110"),
+        (-6e-12, ".0e", "\N{MINUS SIGN}6 \N{MULTIPLICATION SIGN} 10⁻¹²"),
+        (-0.04, ".1f", "0.0"),
+    ],
+)
+def test_a_number_has_no_e(value, how, words):
+    assert rounded(value, how).replace("\N{NARROW NO-BREAK SPACE}", " ") == words
+
+
+@pytest.mark.parametrize(("rows", "shown"), [(24, True), (25, False)])
+def test_a_long_table_is_its_file(package, rows, shown):
+    table = Table(pd.DataFrame({"number": np.arange(rows)}))
+    html = render(document(package, tables={"rows": table}), PANELS)
+    assert ('<td class="number">7</td>' in html) == shown
+    assert ("rows.csv</a>, 25 rows" in html) != shown
 
 
 def test_verdicts_stand_before_the_sections_of_a_page_of_the_reproduction(package):

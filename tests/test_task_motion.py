@@ -39,6 +39,7 @@ from structlearn.tasks.motion.differing_motion import (
 )
 from structlearn.tasks.motion.differing_motion import LEARNED as LOST
 from structlearn.tasks.motion.learning import learn_motion
+from structlearn.tasks.motion.motion_figures import torque_check_panels
 from structlearn.tasks.motion.parameters import LARGEST_CONDITION, MotionParameters
 from structlearn.tasks.motion.repeated_motion import repeat_lines, repeats
 
@@ -339,4 +340,7 @@ def test_sign_and_payload_of_slow_motion_are_found(tmp_path):
     np.testing.assert_allclose(found[["centre_x_m", "centre_y_m", "centre_z_m"]], point, atol=1e-3)
     left = its.payload_torques.groupby(["sign", "payload"])["left_n_m"].max()
     assert left[-1, True] < 1e-3 < left[-1, False] < left[1, False]
+    _, with_payload = torque_check_panels(its.payload_torques)
+    measured, model = with_payload.axes[0].lines[-1].get_data()  # with the sign reversed
+    np.testing.assert_allclose(model, measured, atol=1e-3)
     assert set(its.gravity["holds"]) <= {"no", "not tested"}

@@ -3,6 +3,10 @@
 The categorical colours are those of Okabe and Ito, which people with common colour blindness can distinguish,
 without yellow; ochre, pink and light blue are darker than theirs, so that every line has a contrast of 3:1 on
 white and on the recordings' dark background.
+
+In a picture that compares, green is good and orange bad, as in the verdicts of the pages; grey is what learns
+nothing, ochre the dissertation's form, blue ours. Labels that are neither better nor worse (primitives, axes,
+shapes, electrodes) take the categorical colours in order.
 """
 
 from typing import NamedTuple
@@ -24,6 +28,12 @@ COLOUR_NAMES = {BLUE: "blue", OCHRE: "ochre", GREEN: "green", ORANGE: "orange", 
 COLOUR_NAMES |= {LIGHT_BLUE: "light blue", GREY: "grey", LIGHT_GREY: "light grey", WHITE: "white"}
 
 
+# as it should be: true values, a person's correction; what fails: hit, missed, stopped
+GOOD, BAD = GREEN, ORANGE
+# nothing learned, the dissertation's form, and ours
+WITHOUT, PUBLISHED, OURS = GREY, OCHRE, BLUE
+
+
 class Look(NamedTuple):
     """Display name and colour, in texts, legends, tables and recordings."""
 
@@ -31,7 +41,7 @@ class Look(NamedTuple):
     colour: str
 
 
-CATEGORICAL_COLOURS = (BLUE, ORANGE, GREEN, OCHRE, PINK, LIGHT_BLUE, BLACK, GREY)
+CATEGORICAL_COLOURS = (BLUE, OCHRE, PINK, LIGHT_BLUE, GREEN, ORANGE, BLACK, GREY)
 
 # primitives in temporal order; longer sequences repeat the colours
 PRIMITIVE_COLOURS = (BLUE, OCHRE, GREEN, PINK, ORANGE, LIGHT_BLUE)
@@ -42,7 +52,7 @@ AXIS_COLOURS = (ORANGE, GREEN, BLUE)
 # roles of curves
 REFERENCE_COLOUR = BLACK
 DEMONSTRATION_COLOUR = GREY
-REPRODUCTION_COLOUR = ORANGE
+REPRODUCTION_COLOUR = OURS
 
 # methods of finding cut points, from the simplest to ours
 METHOD_NAMES = {
@@ -52,10 +62,10 @@ METHOD_NAMES = {
     "wls_published": "weighted, as printed",
     "wls": "weighted, with crossings",
 }
-METHOD_COLOURS = {"zvc": GREY, "dtw": OCHRE, "ls": LIGHT_BLUE, "wls_published": PINK, "wls": BLUE}
+METHOD_COLOURS = {"zvc": WITHOUT, "dtw": PINK, "ls": LIGHT_BLUE, "wls_published": PUBLISHED, "wls": OURS}
 
 PHASE_PATHS = {
-    "nominal": Look("nominal primitive", BLUE),
+    "nominal": Look("nominal primitive", PINK),
     "coupling": Look("with learned coupling", REPRODUCTION_COLOUR),
     "spread": Look("mean of the training runs", BLACK),
 }
@@ -64,11 +74,11 @@ PHASE_PATHS = {
 # what moves the hand through a scene of obstacles, in table order
 SCENE_MODELS = {
     "none": Look("baseline alone", BLACK),
-    "human_inspired": Look("human-inspired (Rai et al.)", OCHRE),
-    "published": Look("17 features, as published", ORANGE),
-    "nearest": Look("17 features, our training", PINK),
-    "scene": Look("look ahead at the scene", BLUE),
-    "planned": Look("planned path, followed", GREEN),
+    "human_inspired": Look("human-inspired (Rai et al.)", PINK),
+    "published": Look("17 features, as published", PUBLISHED),
+    "nearest": Look("17 features, our training", LIGHT_BLUE),
+    "scene": Look("look ahead at the scene", OURS),
+    "planned": Look("planned path, followed", GOOD),
 }
 
 

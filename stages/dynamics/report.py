@@ -61,7 +61,7 @@ def main() -> None:
     find = findings(population, raw["agreement"][["regressor_n_m", "compiled_n_m"]].max(axis=1))
     page = dynamics_page(population, find, raw, chosen, study)
     still = arm_still(str(urdf_path(arm.urdf)), robot.tree, chosen["arm_motion"].used)
-    drawn = {"still": still, **drawings(population.results, raw, chosen)}
+    drawn = drawings(population.results, still, raw, chosen)
     publish_judged("reports/dynamics", {"index": page}, drawn, page.tables, find, recorded=quoted_claims())
 
 

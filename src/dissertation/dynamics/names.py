@@ -8,7 +8,7 @@ from collections.abc import Mapping
 from typing import Any
 
 from dissertation.dynamics.protocol.forms import CHOSEN, PLAIN
-from structlearn.palette import BLUE, GREEN, GREY, LIGHT_BLUE, OCHRE, ORANGE, PINK, WHITE
+from structlearn.palette import BLUE, GREY, LIGHT_BLUE, OCHRE, ORANGE, PINK, WHITE
 from structlearn.rigid_body.model_names import COULOMB, DEFAULT, GROUND_TRUTH, IDEAL, ROBOT
 
 SINE, REACH = "sine", "reach"  # tasks
@@ -19,7 +19,7 @@ FORM_TITLES: Mapping[str, str] = {CHOSEN: "Chosen training", PLAIN: "Plain loss"
 LOSS_TITLES = {"normalised": "Loss normalised per joint", "raw": "Raw loss (eq. III.2 as printed)"}
 
 REFERENCE = WHITE  # references, drawn wide: desired paths, measured torques, carried masses
-PAYLOAD = ORANGE
+PAYLOAD = PINK
 WITH_COULOMB = LIGHT_BLUE  # all structures that also learned Coulomb friction
 
 LOOKS = {
@@ -29,7 +29,7 @@ LOOKS = {
     "mlp_scaled": (ORANGE, "--"),
     "delan": (PINK, "-"),
     "nostr": (OCHRE, "-"),
-    "symm": (GREEN, "-"),
+    "symm": (OCHRE, "--"),
     "spd": (BLUE, ":"),
     "tri": (BLUE, "--"),
     "cov": (BLUE, "-"),

@@ -1,4 +1,4 @@
-"""Recordings of arms (III.4): reaches with different models, torques along sines, and a payload."""
+"""Recordings of arms (III.4): reaches with different models, torque errors along sines, and a payload."""
 
 from collections.abc import Mapping, Sequence
 from pathlib import Path
@@ -27,7 +27,6 @@ from structlearn.viewer.recording import Recording
 
 ARM, BODY, WANTED = "arm", "payload", "wanted"
 
-MEASURED = "_measured"  # drawn first, below the models: curves are drawn in order of name
 RADIUS_M = 0.05  # drawn size of the payload
 
 LEARNED, EMPTY = colour("cov"), colour(GROUND_TRUTH)
@@ -98,7 +97,7 @@ def torques(
     tool_m: tuple[float, float, float],
     chosen: DynamicsViewParameters,
 ) -> Recording:
-    """A robot's motion with a plot per joint of measured torques and those of models.
+    """A robot's motion with a plot per joint of the torque errors of models, which overlap as torques.
 
     `dt` is the sampling interval in s; shown are the URDF's model and the first seed of each learned model;
     `tool_m` is in the last joint's frame.
@@ -110,24 +109,23 @@ def torques(
     errors = pd.DataFrame({name: nmse(torques, motion.torque) for name, torques in predicted.items()}, joints)
     times, plots = every * dt * np.arange(len(motion)), []
     for number, (joint, its) in enumerate(errors.iterrows()):
-        path, measured = ("torque", str(joint)), motion.torque[:, number]
-        curves = [series(entity(*path, MEASURED), times, measured, "measured", REFERENCE, width=3.0)]
-        for model, values in predicted.items():
-            look = model_name(model), colour(model)
-            curves.append(series(entity(*path, model), times, values[:, number], *look))
-        # limit the axis: models that are far off would hide the measured torque
-        low, high = np.quantile(measured, [0.002, 0.998])
-        room = 0.25 * (high - low)
-        heading = f"{joint} (N m); best: {model_name(its.idxmin())}, NMSE {its.min():.2g}"
-        plots.append(views.plot(heading, curves, False, (low - room, high + room)))
+        off = {model: (torque - motion.torque)[:, number] for model, torque in predicted.items()}
+        curves = [
+            series(entity("torque", str(joint), model), times, values, model_name(model), colour(model))
+            for model, values in off.items()
+        ]
+        # limit the axis: the default model is so far off that it would hide the others
+        far = 1.3 * max(float(np.quantile(np.abs(off[model]), 0.995)) for model in models)
+        heading = f"{joint}: error (N m); best: {model_name(its.idxmin())}, NMSE {its.min():.2g}"
+        plots.append(views.plot(heading, curves, False, (-far, far)))
     rows = [
         f"| {COLOUR_NAMES[colour(model)]} | {model_name(model)} | {error:.3g} |"
         for model, error in errors.mean().items()
     ]
-    title = "Dynamics: torques of the perturbed robot (simulated)"
+    title = "Dynamics: torque errors of the perturbed robot (simulated)"
     notes = (
-        f"### {title}\n\nSimulated. Measured torques ({COLOUR_NAMES[REFERENCE]}, wide) and those of "
-        "models that learned from the whole log, first seed.\n\n"
+        f"### {title}\n\nSimulated. Torques of models minus the measured ones; the models learned from the "
+        "whole log, first seed. What is far off leaves its plot.\n\n"
         + views.table("| colour | model | NMSE, mean over joints |", rows)
         + "\n"
     )

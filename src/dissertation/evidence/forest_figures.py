@@ -15,11 +15,11 @@ from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from matplotlib.ticker import LogLocator, MaxNLocator, StrMethodFormatter
 
-from structlearn.palette import BLACK, BLUE, ORANGE
+from structlearn.palette import BLACK, BLUE, OCHRE
 from structlearn.reporting.figure_style import PANEL_WIDTH, canvas, styled
 
 SIMULATED, RECORDED = "simulated", "recorded"
-COLOURS = {SIMULATED: BLUE, RECORDED: ORANGE}
+COLOURS = {SIMULATED: BLUE, RECORDED: OCHRE}
 MOST_DECADES = 1.5  # of a strip whose axis is linear, if all is positive
 
 # Inches of a panel. Labels stand left of the axes, questions above them.

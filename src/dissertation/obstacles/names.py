@@ -9,9 +9,11 @@ from dissertation.obstacles.protocol.avoidance_protocols import (
     MOVING,
     NO_MODEL,
     PAIR,
-    PUBLISHED,
     TRAINED,
     UNSEEN,
+)
+from dissertation.obstacles.protocol.avoidance_protocols import (
+    PUBLISHED as PUBLISHED_RULES,
 )
 from structlearn.avoidance.learned_models import (
     ALL,
@@ -21,14 +23,27 @@ from structlearn.avoidance.learned_models import (
     PHASE_MODULATED,
     SETTING,
 )
-from structlearn.palette import BLACK, BLUE, GREEN, GREY, LIGHT_BLUE, LIGHT_GREY, OCHRE, ORANGE, PINK, Look
+from structlearn.palette import (
+    BAD,
+    BLACK,
+    BLUE,
+    GREEN,
+    GREY,
+    LIGHT_BLUE,
+    LIGHT_GREY,
+    OCHRE,
+    OURS,
+    PINK,
+    PUBLISHED,
+    Look,
+)
 
 KINDS = {
     NO_MODEL: Look("no avoidance", BLACK),
-    NETWORK: Look("network", BLUE),
-    ENSEMBLE: Look("ensemble", PINK),
-    PHASE_MODULATED: Look("phase-modulated network", GREEN),
-    HUMAN_INSPIRED: Look("Rai et al.", OCHRE),
+    NETWORK: Look("network", PUBLISHED),
+    ENSEMBLE: Look("ensemble", OURS),
+    PHASE_MODULATED: Look("phase-modulated network", LIGHT_BLUE),
+    HUMAN_INSPIRED: Look("Rai et al.", PINK),
 }
 """Kinds of models, in table order."""
 
@@ -44,7 +59,7 @@ SOURCES = {
 
 DEMONSTRATIONS = Look("demonstrations", GREY)
 
-HIT = Look("obstacle that the reach without avoidance hits", ORANGE)
+HIT = Look("obstacle that the reach without avoidance hits", BAD)
 FREE = Look("obstacle that it does not hit", GREY)
 
 SITUATIONS = {
@@ -55,7 +70,7 @@ SITUATIONS = {
     GOAL_CHANGE: "moving goal",
 }
 
-RULES = {PUBLISHED: "the published rules", LIMITED: "limits at the goal"}
+RULES = {PUBLISHED_RULES: "the published rules", LIMITED: "limits at the goal"}
 """Rules that limit a coupling term before it is applied."""
 
 

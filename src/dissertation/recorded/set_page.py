@@ -1,15 +1,16 @@
 """Page of a public set: a task's page, with verdicts on the claims about the set."""
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
 from jinja2 import Environment
+from markupsafe import Markup
 
 from dissertation.evidence.claims import Judged, judge, read_claims
-from dissertation.evidence.judged_page import TEMPLATES, JudgedDocument, publish_judged
+from dissertation.evidence.judged_page import TEMPLATES, JudgedDocument, VerdictHelpers, publish_judged
 from structlearn.core.params import read_values
-from structlearn.reporting.document import environment
+from structlearn.reporting.document import Panel, environment
 from structlearn.reporting.evidence import unknown
 from structlearn.reporting.findings import Findings
 from structlearn.tasks.task_files import TaskFiles
@@ -30,6 +31,18 @@ class SetDocument(JudgedDocument):
         """Jinja environment with the templates of sets, of tasks and of the reproduction."""
         return environment(__package__, self.package, TEMPLATES)
 
+    def helpers(self, figures: Mapping[str, Sequence[Panel]]) -> "SetHelpers":
+        """Functions for the page's templates."""
+        return SetHelpers(self, figures)
+
+
+class SetHelpers(VerdictHelpers):
+    """Functions for the templates of sets, whose recordings only `COMMAND` makes."""
+
+    def recording(self, name: str, note: str) -> Markup:
+        """File of a recording, not linked because the page is kept without it, and what it contains."""
+        return self._parts.recorded(f"{self._document.recordings}/{name}.rrd", note, COMMAND)
+
 
 def publish_set(files: TaskFiles) -> None:
     """Publish a set's page with its figures, tables, claims and findings."""
@@ -40,7 +53,7 @@ def publish_set(files: TaskFiles) -> None:
         "template": "set.html.jinja",
         "facts": facts,
         "judged": judged(files.name, page.find, facts),
-        "recordings": f"../../../{PROJECT}/{files.report}/rerun",
+        "recordings": f"{PROJECT}/{files.report}/rerun",
         "root": "../..",
         "clone": "../..",
         "command": COMMAND,

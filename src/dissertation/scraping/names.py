@@ -7,14 +7,16 @@ from dissertation.scraping.protocol.feedback_models import LEVEL, NETWORKS, POIN
 from dissertation.scraping.protocol.sample_efficiency import CMA_ES, PI2
 from structlearn.palette import (
     BLUE,
-    GREEN,
+    GOOD,
     GREY,
     LIGHT_BLUE,
     METHOD_COLOURS,
     METHOD_NAMES,
     OCHRE,
-    ORANGE,
+    OURS,
     PINK,
+    PUBLISHED,
+    WITHOUT,
     Look,
 )
 from structlearn.policy_search.refinement import FEEDBACK, IMPROVED, SAMPLE
@@ -23,11 +25,11 @@ CORRECTED = "corrected"
 """Key of executions corrected by a person."""
 
 RUNS = {
-    NOMINAL: Look("no feedback", GREEN),
-    CORRECTED: Look("corrected by a person", BLUE),
-    POINTWISE: Look("feedback, trained pointwise", ORANGE),
-    LEVEL: Look("feedback, level board too", PINK),
-    UNROLLED: Look("feedback, trained in the unroll", OCHRE),
+    NOMINAL: Look("no feedback", WITHOUT),
+    CORRECTED: Look("corrected by a person", GOOD),
+    POINTWISE: Look("feedback, trained pointwise", PUBLISHED),
+    LEVEL: Look("feedback, level board too", OURS),
+    UNROLLED: Look("feedback, trained in the unroll", PINK),
     BEFORE: Look("before refinement", LIGHT_BLUE),
     AFTER: Look("after refinement", PINK),
 }

@@ -1,6 +1,7 @@
 """Names, order and colours of the controllers and models that the page and the recordings show."""
 
 from dissertation.servoing.protocol.servo_variants import ADAPTIVE, PUBLISHED, SPACES, ServoVariant
+from structlearn import palette
 from structlearn.palette import BLACK, BLUE, GREEN, GREY, LIGHT_BLUE, LIGHT_GREY, OCHRE, ORANGE, PINK
 from structlearn.tactile.latent_parameters import (
     JACOBIAN,
@@ -12,11 +13,11 @@ from structlearn.tactile.latent_parameters import (
     InverseModel,
 )
 
-INVERSE_COLOURS: dict[InverseModel, str] = {LOCALLY_LINEAR: GREEN, NEGATIVE_GRADIENT: PINK, JACOBIAN: BLUE}
+INVERSE_COLOURS: dict[InverseModel, str] = {LOCALLY_LINEAR: OCHRE, NEGATIVE_GRADIENT: PINK, JACOBIAN: BLUE}
 """Inverse models, in the order of the text."""
 
 FORM_NAMES = {PUBLISHED: "published controller", ADAPTIVE: "adaptive controller"}
-FORM_COLOURS = {PUBLISHED: OCHRE, ADAPTIVE: BLUE}
+FORM_COLOURS = {PUBLISHED: palette.PUBLISHED, ADAPTIVE: palette.OURS}
 AS_PUBLISHED, OURS = ServoVariant(PUBLISHED, JACOBIAN), ServoVariant(ADAPTIVE, JACOBIAN)
 """The dissertation's controller and the adaptive controller, both with the non-linear model's Jacobian."""
 
@@ -35,7 +36,7 @@ LATENT_NAMES = {
 }
 """Latent-space errors."""
 
-LATENT_COLOURS = {"reconstruction": BLUE, "distances": ORANGE, "pressure": GREEN}
+LATENT_COLOURS = {"reconstruction": BLUE, "distances": OCHRE, "pressure": PINK}
 
 TARGET_NAMES = {
     "predicted": "what is predicted",
@@ -47,7 +48,7 @@ TARGET_NAMES = {
 PART_NAMES = {"translation": "linear", "rotation": "angular"}  # parts of an action
 SKIN_NAMES = {"biotac": "BioTac", "flat_pad": "flat pad", "sphere": "sphere"}
 
-ESTIMATED, TRUE, LATENT = ORANGE, GREEN, LIGHT_BLUE
+ESTIMATED, TRUE, LATENT = PINK, palette.GOOD, LIGHT_BLUE
 """Colours of the estimated contact, the true one, and the latent state."""
 
 ELECTRODE_COLOURS = (LIGHT_BLUE, OCHRE, GREEN, PINK, ORANGE, BLUE, LIGHT_GREY)

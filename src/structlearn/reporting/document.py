@@ -57,6 +57,7 @@ class Panel:
     path: str
     width: int
     height: int
+    drawn: bool = True  # by a plot, whose colours a dark page inverts; otherwise an image of a scene
 
 
 @dataclass(frozen=True)
@@ -254,7 +255,7 @@ def cell(value: object, number_format: str = "") -> str:
         number_format = number_format or ".6g"  # further digits depend on the processor
     elif not isinstance(value, int | np.number):
         return str(value)
-    return format(value, number_format).replace("-", "\N{MINUS SIGN}")
+    return prose.spelled(value, number_format)
 
 
 def parameter_table(parameters: Mapping[str, Parameters]) -> pd.DataFrame:

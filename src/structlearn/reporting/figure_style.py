@@ -2,7 +2,8 @@
 
 Figures are made without pyplot: no global state, no window. Lines become SVG, with text as paths so that it
 looks the same everywhere; figures with very many points (`Raster`) and images of simulated scenes become PNG.
-Files carry no version and no date, so the same data give the same bytes.
+Files carry no version and no date, so the same data give the same bytes. SVG is transparent: on dark screens,
+pages invert what is drawn and keep its hues; images of scenes stay as they are.
 
 Draw several panels as several figures of `PANEL_WIDTH`: the page sets them side by side if there is room, and
 one below the other on a phone, where their text stays readable.
@@ -68,7 +69,8 @@ STYLE: Any = {
     "text.color": BLACK,
     "svg.fonttype": "path",
     "svg.hashsalt": "structlearn",  # makes ids inside a file depend on its content only
-    "figure.facecolor": "white",
+    "figure.facecolor": "none",
+    "axes.facecolor": "none",
     "figure.constrained_layout.use": True,
     "figure.constrained_layout.h_pad": 0.09,
     "figure.constrained_layout.w_pad": 0.06,
@@ -112,6 +114,7 @@ def save(drawing: Drawing, path: Path) -> tuple[Path, tuple[int, int]]:
     path = path.with_name(f"{path.name}.png")
     if isinstance(drawing, Raster):
         with style():
+            drawing.figure.set_facecolor("white")
             agg = FigureCanvasAgg(drawing.figure)
             agg.draw()
         drawing = np.asarray(agg.buffer_rgba())[..., :3]

@@ -3,6 +3,9 @@
 import math
 from collections.abc import Iterable
 
+MINUS = "\N{MINUS SIGN}"
+RAISED = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
+
 
 def listing(words: Iterable[object], nothing: str = "none") -> str:
     """Join words into `a`, `a and b` or `a, b and c`."""
@@ -21,7 +24,7 @@ def interval(low: float, high: float, number_format: str = ".1f") -> str:
     """Interval such as `[0.4, 1.2]`, with true minus signs; `unknown` if an end is not finite."""
     if not (math.isfinite(low) and math.isfinite(high)):
         return "unknown"
-    return f"[{low:{number_format}}, {high:{number_format}}]".replace("-", "\N{MINUS SIGN}")
+    return f"[{spelled(low, number_format)}, {spelled(high, number_format)}]"
 
 
 def capitalised(sentence: str) -> str:
@@ -38,8 +41,19 @@ def rounded(value: float, number_format: str) -> str:
     """Number with a true minus sign, and none before zero; `unknown` if it is not finite."""
     if not math.isfinite(value):
         return "unknown"
+    text = spelled(value, number_format)
+    return text.lstrip(MINUS) if text.strip(MINUS + "0.%") == "" else text
+
+
+def spelled(value: float, number_format: str) -> str:
+    """Number with a true minus sign, and without an e, e.g. 76 300 for 7.63e+04."""
     text = f"{value:{number_format}}"
-    return text.lstrip("-") if float(text.rstrip("%")) == 0.0 else text.replace("-", "\N{MINUS SIGN}")
+    digits, e, exponent = text.partition("e")
+    if e and 0 <= int(exponent) < 7:
+        text = f"{float(text):,.0f}".replace(",", "\N{NARROW NO-BREAK SPACE}")
+    elif e:
+        text = f"{digits} \N{MULTIPLICATION SIGN} 10{str(int(exponent)).translate(RAISED)}"
+    return text.replace("-", MINUS)
 
 
 def with_interval(mean: float, half_width: float, number_format: str = ".1f") -> str:

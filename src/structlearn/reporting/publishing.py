@@ -4,6 +4,8 @@ from collections.abc import Mapping, Sequence
 from functools import partial
 from pathlib import Path
 
+import numpy as np
+
 from structlearn.core.artefacts import publish, write_csv, write_metrics
 from structlearn.core.parallel import parallel_map
 from structlearn.reporting.document import Document, Panel, Table, render
@@ -63,4 +65,4 @@ def _figures(drawings: Mapping[str, Drawing | Sequence[Drawing]], folder: Path) 
 def _saved(part: tuple[str, Drawing], folder: Path) -> Panel:
     name, drawing = part
     path, (width, height) = save(drawing, folder / name)
-    return Panel(f"figures/{path.name}", width, height)
+    return Panel(f"figures/{path.name}", width, height, drawn=not isinstance(drawing, np.ndarray))

@@ -27,7 +27,8 @@ from dissertation.dynamics.protocol.tracking import TrackedReach, tracked_reache
 from dissertation.dynamics.world.arm_motion import SineParameters, sine_path
 from dissertation.dynamics.world.joint_logs import PayloadParameters
 from dissertation.evidence.results import Results
-from dissertation.simulation.still import View, still
+from dissertation.simulation.still import View
+from dissertation.simulation.still import still as rendered
 from structlearn.palette import BLACK, GREY
 from structlearn.reporting.figure_style import PANEL_WIDTH, Drawing, Raster, canvas, styled
 from structlearn.rigid_body.model_names import (
@@ -68,10 +69,13 @@ def legend_above(figure: Figure, axes: Axes, columns: int = 6) -> None:
 
 
 @styled
-def drawings(results: Results, raw: Raw, chosen: Mapping[str, Any]) -> Mapping[str, Sequence[Drawing]]:
-    """All figures of the page except the still, keyed by name.
+def drawings(
+    results: Results, still: np.ndarray, raw: Raw, chosen: Mapping[str, Any]
+) -> Mapping[str, Sequence[Drawing]]:
+    """All figures of the page, keyed by name.
 
-    `raw`: tables of this run, see `page.Raw`; `chosen`: parameters by key of `params.yaml`.
+    `still`: image of the arm; `raw`: tables of this run, see `page.Raw`; `chosen`: parameters by key of
+    `params.yaml`.
     """
     errors, learning = raw["errors"], chosen["train_dynamics"].learning
     keys = ["form", "model", "seed", "epoch"]
@@ -83,6 +87,7 @@ def drawings(results: Results, raw: Raw, chosen: Mapping[str, Any]) -> Mapping[s
         for arm, title in ROBOT_TITLES.items()
     }
     return {
+        "still": [still, epochs_panel(results)],
         "training": [_training(curves, form, learning.threshold) for form in FORMS],
         "tracking": [_tracking(results, arm) for arm in ROBOT_TITLES],
         "reaches": [draw(its, title) for draw in (_off, _speeds) for title, its in reaches.items()],
@@ -97,7 +102,7 @@ def drawings(results: Results, raw: Raw, chosen: Mapping[str, Any]) -> Mapping[s
             if joint in SHOWN_JOINTS
         ],
         "payload": [
-            _payload(raw["payload"], chosen["record_motion"].payload, pick_up_s(chosen)),
+            payload_panel(raw["payload"], chosen["record_motion"].payload, pick_up_s(chosen)),
             _payload_errors(raw["payload"]),
         ],
     }
@@ -107,7 +112,7 @@ def arm_still(urdf: str, tree: KinematicTree, motion: SineParameters) -> np.ndar
     """Image (H, W, 3) uint8 of a URDF's arm in several poses of its sine motion, side by side."""
     path = sine_path(tree, motion).position
     poses = (path[int(share * len(path))] for share in SHOWN_AT)
-    return np.hstack([still(VIEW, urdf=urdf, angles=pose)[:, COLUMNS] for pose in poses])
+    return np.hstack([rendered(VIEW, urdf=urdf, angles=pose)[:, COLUMNS] for pose in poses])
 
 
 def _curves(curves: pd.DataFrame, step: str, column: str, value: str, title: str) -> Figure:
@@ -138,20 +143,36 @@ def _training(curves: pd.DataFrame, form: str, threshold: float) -> Figure:
     return figure
 
 
+def epochs_panel(results: Results) -> Figure:
+    """Epochs to the criterion in simulation, one mark per seed; hollow marks: it was not met by then."""
+    epochs, reached = (results.wide(name, ["model", "form"], arm=IDEAL) for name in ("epochs", "reached"))
+    titles = "Epochs until every joint meets the criterion", "epochs"
+    figure = _by_model(epochs.clip(lower=1.0), reached == 0.0, titles, "not met")
+    figure.axes[0].set_xticks(EPOCH_TICKS[1:], [str(tick) for tick in EPOCH_TICKS[1:]])
+    figure.axes[0].minorticks_off()
+    return figure
+
+
 def _tracking(results: Results, arm: str) -> Figure:
     """NMSE of the tool velocity in reaches, one mark per seed or robot; hollow marks: stopped runs."""
-    figure, panel = _panel(3.6, ROBOT_TITLES[arm], "NMSE of the tool's velocity in reaches", "")
     scores, stopped = (
         results.wide(name, ["model", "form"], arm=arm, task=REACH) for name in ("velocity_nmse", "stopped")
     )
-    models = models_in_order({model for model, _ in scores})
-    for model, form in scores:
+    titles = ROBOT_TITLES[arm], "NMSE of the tool's velocity in reaches"
+    return _by_model(scores, stopped == 1.0, titles, "stopped")
+
+
+def _by_model(values: pd.DataFrame, hollow: pd.DataFrame, titles: tuple[str, str], word: str) -> Figure:
+    """One mark per seed or robot (rows) for each model and form (columns); `word` says what hollow means."""
+    figure, panel = _panel(3.6, *titles, "")
+    models = models_in_order({model for model, _ in values})
+    for model, form in values:
         middle = {CHOSEN: -0.17, PLAIN: 0.17}.get(form, 0.0)
-        runs = scores[model, form].dropna()
+        runs = values[model, form].dropna()
         offsets = models.index(model) + middle + np.linspace(-0.1, 0.1, len(runs))
-        for halted in (False, True):
-            its = (stopped[model, form][runs.index] == 1.0) == halted
-            fill: dict[str, Any] = {"fillstyle": "none" if halted else "full", "markersize": 4}
+        for empty in (False, True):
+            its = hollow[model, form][runs.index] == empty
+            fill: dict[str, Any] = {"fillstyle": "none" if empty else "full", "markersize": 4}
             panel.plot(runs[its], offsets[its], FORM_MARKERS.get(form, "o"), color=colour(model), **fill)
     panel.set_yticks(range(len(models)), [model_name(model) for model in models])
     panel.set_xscale("log")
@@ -162,7 +183,7 @@ def _tracking(results: Results, arm: str) -> Figure:
         Line2D([], [], label=FORM_TITLES[form], marker=marker, **mark)
         for form, marker in FORM_MARKERS.items()
     ]
-    handles.append(Line2D([], [], label="stopped", marker="o", fillstyle="none", **mark))
+    handles.append(Line2D([], [], label=word, marker="o", fillstyle="none", **mark))
     figure.legend(handles=handles, loc="outside upper left", ncols=3)
     return figure
 
@@ -178,14 +199,13 @@ def _off(reaches: Sequence[TrackedReach], title: str) -> Figure:
 
 
 def _speeds(reaches: Sequence[TrackedReach], title: str) -> Figure:
-    """Speed of the tool and of its reference over time."""
-    figure, panel = _panel(2.2, title, "time (s)", "speed of the tool (m/s)")
-    wanted = reaches[0].speeds[1]
-    panel.plot(reaches[0].time, wanted, label="wanted", **WIDE)
+    """Difference of the tool's speed from that of its reference over time."""
+    figure, panel = _panel(2.4, title, "time (s)", "error of the speed (m/s)")
     for reach in reaches:
-        panel.plot(reach.time, reach.speeds[0], **look(reach.model))
-    panel.set_ylim(0.0, 2.0 * wanted.max())
-    legend_above(figure, panel)
+        error = np.abs(reach.speeds[0] - reach.speeds[1])
+        panel.plot(reach.time, np.maximum(error, 1e-4), label=reach.label, **look(reach.model))
+    panel.set(yscale="log", ylim=(8e-5, 1e1))
+    legend_above(figure, panel, columns=5)
     return figure
 
 
@@ -221,12 +241,12 @@ def _friction(joint: int, residuals: pd.DataFrame) -> Figure:
     return figure
 
 
-def _payload(payload: pd.DataFrame, carried: PayloadParameters, pick_up: float) -> Figure:
+@styled
+def payload_panel(payload: pd.DataFrame, carried: PayloadParameters, pick_up: float) -> Figure:
     """Learned mass and first moment of a payload relative to the truth, one thin line per robot."""
     figure, panel = _panel(2.5, "Learned payload", "time (s)", "share of the truth")
     truth = carried.mass_kg * np.linalg.norm(carried.point_m)
-    time = payload["time_s"].drop_duplicates()
-    panel.plot(time, np.where(time < pick_up, 0.0, 1.0), label="carried", **WIDE)
+    panel.step([0.0, pick_up, payload["time_s"].max()], [0.0, 0.0, 1.0], label="carried", **WIDE)
     for place, (_, its) in enumerate(payload.groupby("seed")):
         moment = np.linalg.norm(its[[f"moment_{axis}_kg_m" for axis in "xyz"]], axis=1)
         thin: dict[str, Any] = {"color": colour("cov"), "linewidth": 0.9}
@@ -239,13 +259,13 @@ def _payload(payload: pd.DataFrame, carried: PayloadParameters, pick_up: float) 
 
 
 def _payload_errors(payload: pd.DataFrame) -> Figure:
-    """Torque errors on batches not yet learned from, geometric mean over robots."""
-    payload = np.exp(
-        np.log(payload.set_index("time_s")[["nmse_fixed", "nmse_learned"]]).groupby("time_s").mean()
-    )
-    figure, panel = _panel(2.5, "Torques of the next batch", "time (s)", "NMSE, geometric mean over robots")
-    panel.plot(payload.index, payload["nmse_fixed"], label="model of the empty arm", **look(GROUND_TRUTH))
-    panel.plot(payload.index, payload["nmse_learned"], label="learned online", **look("cov"))
+    """Torque errors on batches not yet learned from, geometric mean over robots, batch by batch."""
+    batch = payload.groupby("seed").cumcount()  # a key without rounding, unlike the time
+    means = np.exp(np.log(payload[["nmse_fixed", "nmse_learned"]]).groupby(batch).mean())
+    time = payload["time_s"].groupby(batch).mean()
+    figure, panel = _panel(2.5, "Torques of the next batch", "time (s)", "NMSE, mean over robots")
+    panel.plot(time, means["nmse_fixed"], label="model of the empty arm", **look(GROUND_TRUTH))
+    panel.plot(time, means["nmse_learned"], label="learned online", **look("cov"))
     panel.set_yscale("log")
     legend_above(figure, panel)
     return figure

@@ -88,11 +88,10 @@ def figures(results: Results, shown: Shown, largest_nmse: float) -> dict[str, Dr
         (ENSEMBLE, "per shape", SHAPES),
     ]
     return {
-        "still": simulated_scene(shown),
+        "still": [simulated_scene(shown), hits_panel(results, len(shown.situations[UNSEEN].numbers))],
         "example": _to_scale([_example_panel(shown, shape) for shape in SHAPES]),
         "fit": [fit_panel(results, kind, axis, largest_nmse) for axis in FITS for kind in kinds],
         "people": [Raster(people_panel(shown, *contender)) for contender in contenders],
-        "hits": hits_panel(results, len(shown.situations[UNSEEN].numbers)),
         "unseen": _to_scale([_unseen_panel(shown, source) for source in (*SHAPES, ALL)]),
     }
 

@@ -51,6 +51,7 @@ from structlearn.reporting.prose import percent
 AS_PUBLISHED, OURS, RAI = (NETWORK, PUBLISHED), (ENSEMBLE, LIMITED), (HUMAN_INSPIRED, PUBLISHED)
 """Kind of model and rules: as published, our variant, and the model of Rai et al."""
 
+DIVERGED_M = 10.0  # farther from its goal than any arm reaches
 BARE = (NO_MODEL, LIMITED)  # reaches without avoidance, which no rule changes
 EVERY = (*SHAPES, ALL)
 FEW_HITS = 1  # unseen spheres that a person's model may hit to count as good
@@ -105,7 +106,14 @@ def number(its: pd.DataFrame, comparisons: int = 1) -> Evidence:
 
 
 def _beside_none(found: Evidence, its: pd.DataFrame) -> Evidence:
-    return replace(found, remark=f"hit; {percent(its['bare'].sum(), its['of'].sum(), 1)} without avoidance")
+    bare = percent(its["bare"].sum(), its["of"].sum(), 1)
+    return replace(found, remark=f"are hit; without avoidance {bare}")
+
+
+def farthest_end(distances: pd.Series, comparisons: int = 1) -> Evidence:
+    """Largest distance in m from a goal, exact, with a remark where the movement diverged."""
+    found = maximum(distances)
+    return replace(found, remark="the movement diverges") if found.value > DIVERGED_M else found
 
 
 def pairs(first: pd.DataFrame, second: pd.DataFrame) -> pd.DataFrame:
@@ -174,7 +182,7 @@ def converged(results: Results) -> dict[str, pd.Series]:
     }
 
 
-@finding(maximum, unit="m")
+@finding(farthest_end, unit="m")
 def goal_of_rai(results: Results) -> pd.Series:
     """The same with the model of Rai et al. per setting."""
     return farthest(results, RAI, protocol=TRAINED, learned_from=SETTING)

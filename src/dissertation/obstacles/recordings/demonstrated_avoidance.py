@@ -29,7 +29,6 @@ from structlearn.viewer.recording import Recording
 from structlearn.viewer.views import Panel
 
 BARE = SOURCES[""]  # look of the reach without avoidance
-PALE = 0.5  # opacity of the many demonstrations and of future paths
 SOLID_OPACITY = 0.35  # of obstacles: the far side of the cloud stays visible
 ARROW_SCALE, LONGEST_ARROW_M = 1.5e-3, 0.15  # m per m of coupling term; Rai et al. reach 100 times as much
 ARROW_EVERY = 2  # samples of a path per arrow
@@ -113,7 +112,7 @@ def demonstrations(
     points = np.concatenate([centres, *paths])
     every = [
         items.dots("places", centres, colours, 0.012, labels=labels),
-        lines(entity("unhindered", "paths"), paths, DEMONSTRATIONS.colour, -1.0, opacity=PALE),
+        lines(entity("unhindered", "paths"), paths, DEMONSTRATIONS.colour, -1.5),
         *(bare, items.floor_axes("/axes", points)),
     ]
     meanings = {look.name: look.colour for look in (DEMONSTRATIONS, HIT, FREE)}
@@ -167,7 +166,7 @@ def trained(shown: Sequence[ShownScenario]) -> Recording:
     tabs = []
     for one in shown:
         kinds = [kind for kind in KINDS if kind != NO_MODEL and of_model(one.reaches, kind)]
-        shares, notes = [5] * len(kinds) + [4], views.notes(_notes(title, origin, one), one.scenario.name)
+        shares, notes = [3] * len(kinds) + [4], views.notes(_notes(title, origin, one), one.scenario.name)
         tabs.append(views.row(*_models(one, kinds), notes, shares=shares, name=one.scenario.name))
     return Recording(title, views.tabs(*tabs))
 
@@ -212,8 +211,8 @@ def _models(one: ShownScenario, kinds: Sequence[str]) -> Iterator[Panel]:
 def _notes(title: str, origin: str, one: ShownScenario) -> str:
     surface = one.scenario.obstacle.signed_distance
     rows = [
-        f"| {1e3 * surface(reach.position).min():.0f} | {1e3 * reach.goal_distance_m:.0f} | "
-        f"{fitted_name(reach.model, reach.learned_from)} |"
+        f"| {fitted_name(reach.model, reach.learned_from)} | "
+        f"{1e3 * surface(reach.position).min():.0f} | {1e3 * reach.goal_distance_m:.0f} |"
         for reach in one.reaches
     ]
     people = min(1e3 * surface(person.position).min() for person in one.demonstrations)
@@ -225,8 +224,11 @@ def _notes(title: str, origin: str, one: ShownScenario) -> str:
         f"shapes. The reaches are unrolled, without a robot.\n\n{colours}\n\nArrows are the coupling term "
         f"along the path; none is drawn longer than {LONGEST_ARROW_M:g} m. Dark grey in plots: demonstrated "
         f"coupling terms. A square of the floor is {FLOOR_SQUARE_M:g} m wide."
-        "\n\n| closest | goal off | model |\n|---|---|---|\n"
-        + "\n".join([*rows, f"| {people:.0f} | | {DEMONSTRATIONS.name} |"])
+        "\n\n"
+        + views.table(
+            "| model | closest | goal off |",
+            [*rows, f"| {DEMONSTRATIONS.name} | {people:.0f} | |"],
+        )
         + "\n\nClosest: mm from the obstacle's surface, negative inside. Goal off: mm at the due time.\n"
     )
 
@@ -261,7 +263,7 @@ def scenario_items(one: ShownScenario) -> tuple[list[Item], np.ndarray]:
     return [
         _solid(f"{path}/solid", one.scenario.obstacle, colour),
         items.dots(f"{path}/cloud", one.cloud, colour, -1.5),
-        lines(entity(name, "demonstrated"), demonstrated, DEMONSTRATIONS.colour, -1.0, opacity=PALE),
+        lines(entity(name, "demonstrated"), demonstrated, DEMONSTRATIONS.colour, -1.5),
         *items.travelled(entity(name, BARE.name), bare.time, bare.position, BARE.colour, -2.0),
         items.floor_axes(entity(name, "axes"), points),
     ], points

@@ -15,7 +15,7 @@ from dissertation.obstacles.protocol.unrolled_reaches import (
     of_model,
     without_avoidance,
 )
-from dissertation.obstacles.recordings.demonstrated_avoidance import BARE, PALE, SOLID_OPACITY, arrow_vectors
+from dissertation.obstacles.recordings.demonstrated_avoidance import BARE, SOLID_OPACITY, arrow_vectors
 from structlearn.avoidance.avoidance_dataset import baseline_axes
 from structlearn.avoidance.learned_models import ENSEMBLE
 from structlearn.palette import BLUE
@@ -27,6 +27,8 @@ from structlearn.viewer.views import Panel
 
 SPHERE, STEPS_PER_S = "sphere", 2.0  # time line with one step per sphere
 SHOWN = 3  # reaches per situation, evenly spread over those that hit without avoidance
+
+PALE = 0.5  # opacity of future paths
 
 EXPLAINED = {
     MOVING: "A sphere crosses the reach and meets the hand if the hand does not avoid it.",
@@ -46,12 +48,11 @@ def unseen(situation: Situations, groups: Sequence[Group], baseline: PositionPri
     everything = np.concatenate([reach.position for its in ensembles.values() for reach in its])
     centres, spheres = in_base_frame(situation.obstacles[0].centre, baseline), situation.obstacles[0]
     colours = [(HIT if reach.hit else FREE).colour for reach in bare]
+    size = {"centers": centres, "radii": spheres.radius, "fill_mode": "majorwireframe", "line_radii": -0.5}
     labels = [str(number) for number in situation.numbers]  # shown on hover
     around = [
         lines(entity(BARE.name), [bare[0].position], BARE.colour, -2.0),
-        items.dots(
-            "centres", centres, colours, 0.006, labels=labels, show_labels=False
-        ),  # small; each step's is in full size
+        items.solid("spheres", rr.Ellipsoids3D, colours, 0.5, **size, labels=labels, show_labels=False),
         items.floor_axes("/axes", everything),
     ]
     cloud = (spheres.points[0] - spheres.centre[0]) @ baseline_axes(baseline).T
@@ -80,8 +81,9 @@ def unseen(situation: Situations, groups: Sequence[Group], baseline: PositionPri
     )
     notes = views.notes(
         f"# {title}\n\n{len(groups)} spheres lie close around the reach; none was demonstrated. One is there "
-        f"at a time: step along the time line *{SPHERE}*. Balls are the centres of all. Everything is "
-        "simulated: ensembles of networks, trained on a simulated person, are unrolled without a robot. "
+        f"at a time: step along the time line *{SPHERE}*. Outlines are all spheres, at their size. "
+        "Everything is simulated: ensembles of networks, trained on a simulated person, are unrolled without "
+        "a robot. "
         f"A square of the floor is {FLOOR_SQUARE_M:g} m wide.\n\n"
         f"{ensemble_legend(groups)}\n\n{hits_table(groups)}"
     )

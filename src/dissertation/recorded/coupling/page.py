@@ -159,7 +159,7 @@ def errors_panel(found: Tables) -> Figure:
 @styled
 def phase_panel(found: Tables) -> Figure:
     """Reduction of the error by phase and phase velocity, with the interval over the blocks."""
-    figure, axes = panel("Gain by the phase", 3.4, ylabel="reduction of the NMSE by phase and its velocity")
+    figure, axes = panel("Gain by the phase and its velocity", 3.4, ylabel="reduction of the NMSE")
     worth = found["phase_worth"].query("inputs == 'phase'").set_index(["representation", "axis"])
     for offset, (name, colour) in enumerate((("ridge", GREY), ("network", OCHRE), ("ensemble", BLUE)), -1):
         its, places = worth.loc[name].loc[AXES], np.arange(3) + 0.18 * offset

@@ -11,12 +11,12 @@ from matplotlib.lines import Line2D
 from matplotlib.ticker import NullLocator, StrMethodFormatter
 
 from structlearn.palette import (
+    BAD,
     BLUE,
     DEMONSTRATION_COLOUR,
     METHOD_COLOURS,
     METHOD_NAMES,
     OCHRE,
-    ORANGE,
     REFERENCE_COLOUR,
 )
 from structlearn.readers.demonstration import Demonstration
@@ -57,7 +57,7 @@ def correspondence_figure(
     _draw_pairs(every, (reference, guess), pairs, some, primitive.axis)
     every.set_title(f"(a) Every {len(pairs) // max(len(some) - 1, 1)}th pair, no weights")
     lines = [("reference", REFERENCE_COLOUR, 1.8), ("guess", DEMONSTRATION_COLOUR, 1.8)]
-    lines += [("pair", BLUE, 0.8), ("pair, near-zero velocity", ORANGE, 0.8)]
+    lines += [("pair", BLUE, 0.8), ("pair, near-zero velocity", BAD, 0.8)]
     handles = [Line2D([], [], color=colour, linewidth=width, label=label) for label, colour, width in lines]
     every.legend(handles=handles, handlelength=1.2, fontsize=7.5)
     best = top_pairs(pairs)
@@ -107,7 +107,7 @@ def _draw_pairs(
         panel.plot(time, values + lift, color=colour, linewidth=1.8)
     x, y = (np.stack([one[part] for one in ends], axis=1) for part in (0, 1))  # (N, 2) each
     for place, weight in enumerate(shown["weight"]):
-        look: dict[str, Any] = {"color": ORANGE if weight == 0.0 else BLUE, "marker": "o", "markersize": 2.6}
+        look: dict[str, Any] = {"color": BAD if weight == 0.0 else BLUE, "marker": "o", "markersize": 2.6}
         panel.plot(x[place], y[place] + lifts, linewidth=0.8, **look)
     panel.set_xlabel("time in the extended segment (s)")
     panel.set_ylabel(f"{'xyz'[column]}, shifted (mm)")

@@ -1,6 +1,6 @@
 """Figures of feedback models, of executions on the board, and of the refinement by trial (IV.16 to IV.21)."""
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any
 
@@ -37,9 +37,10 @@ from dissertation.scraping.world import layout
 from structlearn.core import signals
 from structlearn.core.metrics import matching
 from structlearn.feedback.coupling_dataset import CouplingDataset
-from structlearn.palette import AXIS_COLOURS, BLACK, BLUE, GREY, ORANGE
+from structlearn.palette import AXIS_COLOURS, BLACK, BLUE, GREY
 from structlearn.policy_search.refinement import FEEDBACK, IMPROVED, SAMPLE
 from structlearn.readers.demonstration import Demonstration
+from structlearn.reporting.evidence import geometric_mean
 from structlearn.reporting.figure_style import PANEL_WIDTH, canvas, styled
 from structlearn.reporting.movement_figures import headroom, shade_primitives
 from structlearn.reporting.prose import capitalised, rounded
@@ -79,7 +80,7 @@ def expected_figure(stored: Stored) -> list[Figure]:
     moved = np.max([np.ptp(learned, axis=0) for _, learned in stored.felt.values()], axis=0)
     shown = np.sort(np.argsort(-moved, kind="stable")[:CHANNELS_SHOWN])
     labels = [f"channel {channel + 1} (counts)" for channel in shown]
-    look = {"color": ORANGE, "linestyle": (0, (4, 2)), "linewidth": 1.2, "label": "expected trace"}
+    look = {"color": BLACK, "linestyle": (0, (4, 2)), "linewidth": 1.2, "label": "expected trace"}
     figures = []
     for name, (runs, learned) in stored.felt.items():
         figure, rows = stacked_panels(labels, 3.4, capitalised(name))
@@ -168,8 +169,8 @@ def executions_figure(stored: Stored) -> list[Figure]:
         figure, rows = stacked_panels(labels, 5.6, time="time (s)")
         roll, force, torque, touch = rows
         tool, wrench = stored.tilt_deg + layout.tool_roll_deg(run, stored.axis), run.signal("wrench")
-        roll.plot(run.time, tool, color=ORANGE, linewidth=1.0, label="tool")
-        roll.plot(run.time, layout.hand_roll_deg(run, stored.axis), color=BLUE, label="hand")
+        roll.plot(run.time, tool, color=BLUE, linewidth=1.0, label="tool")
+        roll.plot(run.time, layout.hand_roll_deg(run, stored.axis), color=GREY, label="hand")
         roll.axhline(stored.tilt_deg, color=BLACK, linestyle=":", linewidth=1.2, label="board")
         roll.legend(ncols=3)
         roll.set_title(f"{capitalised(RUNS[kind].name)}, board at {stored.tilt_deg:g}°", pad=18)
@@ -187,7 +188,7 @@ def executions_figure(stored: Stored) -> list[Figure]:
 
 @styled
 def closed_loop_figure(stored: Stored, primitive: str) -> list[Figure]:
-    """Figure IV.18: coupling term and one electrode's deviation over time, one panel per setting."""
+    """Figure IV.18: coupling term and an electrode's deviation over time, mean and std, by setting."""
     dataset, channel = stored.datasets[primitive], stored.channels[primitive][0]
     traces = matching(stored.tables["traces"], primitive=primitive)
     known = stored.parameters["coupling_dataset"].settings_deg
@@ -196,20 +197,20 @@ def closed_loop_figure(stored: Stored, primitive: str) -> list[Figure]:
     figures: list[Figure] = []
     for setting in [one for one in settings(traces, tilted=True) if one in stored.corrected_deg]:
         seen = "" if setting in known else ", never learned from"
-        figure, rows = stacked_panels(labels, 3.6, f"Board at {setting:g}°{seen}")
+        figure, rows = stacked_panels(labels, 4.6, f"Board at {setting:g}°{seen}")
         here = traces[traces["setting_deg"] == setting]
         for axes, (name, values) in zip(rows, columns.items(), strict=True):
-            _demonstrated_band(axes, demonstrated_curves(dataset, setting, values))
+            curves = {CORRECTED: demonstrated_curves(dataset, setting, values)}
             for model in (NOMINAL, POINTWISE):
                 runs = here[here["model"] == model].groupby("run")[name]
-                for place, (_, run) in enumerate(runs):
-                    label = RUNS[model].name if place == 0 else None
-                    curve = signals.time_normalised(run.to_numpy(), SAMPLES)
-                    axes.plot(TIME, curve, color=RUNS[model].colour, linewidth=0.7, label=label)
+                curves[model] = np.stack(
+                    [signals.time_normalised(run.to_numpy(), SAMPLES) for _, run in runs]
+                )
+            for kind, its in curves.items():
+                mean_band(axes, its, RUNS[kind].colour, RUNS[kind].name)
             shown = np.concatenate([values, traces[name]])
             axes.set_ylim(shown.min(), shown.max())
-        if not figures:
-            rows[0].legend()
+        figure.legend(*rows[0].get_legend_handles_labels(), loc="outside upper left", fontsize=7.5)
         figures.append(figure)
     return figures
 
@@ -218,17 +219,6 @@ def _dots(axes: Axes, x: np.ndarray, y: np.ndarray) -> None:
     """Draw one dot per person."""
     edge: dict[str, Any] = {"markeredgecolor": BLACK, "markeredgewidth": 0.6, "zorder": 5}
     axes.plot(x, y, linestyle="none", marker="o", markersize=2.8, markerfacecolor="white", **edge)
-
-
-def _demonstrated_band(axes: Axes, curves: np.ndarray) -> None:
-    """Draw every demonstration, and their mean with one std on either side."""
-    look = RUNS[CORRECTED]
-    axes.plot(TIME, curves.T, color=look.colour, linewidth=0.4, alpha=0.6)
-    axes.plot([], [], color=look.colour, label=f"{look.name} (black: mean ± std)")
-    mean, spread = curves.mean(axis=0), curves.std(axis=0)
-    axes.plot(TIME, mean, color=BLACK, linestyle=(0, (4, 2)), linewidth=1.1)
-    for edge in (mean + spread, mean - spread):
-        axes.plot(TIME, edge, color=BLACK, linewidth=0.8)
 
 
 @styled
@@ -255,27 +245,33 @@ def roll_figure(stored: Stored) -> list[Figure]:
 
 @styled
 def cost_figure(
-    names: Sequence[str], results: Results, quantity: str, note: Callable[[float], str]
+    stored: Stored, results: Results, one: Results, quantity: str, note: Callable[[float], str]
 ) -> list[Figure]:
-    """Figure IV.20: accumulated cost by setting and model, geometric mean over people and a dot each."""
-    costs = results.wide(quantity, ["primitive", "model", "setting"])
-    figures, primitives = [], costs.columns.unique("primitive") if len(costs.columns) else ()
+    """Figure IV.20: cost by setting and model, geometric mean over people with its 95 % interval.
+
+    The cost, an angle summed over ticks, is drawn as its integral over time. `one`: results of the person
+    shown, hollow; alone where `results` are hers.
+    """
+    people, shown = (its.wide(quantity, ["primitive", "model", "setting"]) for its in (results, one))
+    figures, primitives = [], people.columns.unique("primitive") if len(people.columns) else ()
     for primitive in primitives:
-        own = costs[primitive]
+        own = np.degrees(people[primitive]) * stored.reference.dt
         models, tilts = own.columns.unique("model"), sorted(own.columns.unique("setting"))
-        width = 0.8 / len(models)
-        figure, axes = panel(primitive_title(names, primitive))
+        figure, axes = panel(primitive_title(stored.names, primitive))
         for place, model in enumerate(models):
-            x = np.arange(len(tilts)) + width * (place - 0.5 * (len(models) - 1))
-            each = [own[model, tilt].dropna() for tilt in tilts]
-            look: dict[str, Any] = {"color": RUNS[model].colour, "label": RUNS[model].name}
-            axes.bar(x, [central(values) for values in each], 0.92 * width, **look)
-            for at, values in zip(x, each, strict=True):
-                _dots(axes, np.full(len(values), at), values.to_numpy())
+            x = np.arange(len(tilts)) + 0.13 * (place - 0.5 * (len(models) - 1))
+            found = [geometric_mean(own[model, tilt].dropna().to_numpy()) for tilt in tilts]
+            values, low, high = np.array([(its.value, its.low, its.high) for its in found]).T
+            look: dict[str, Any] = {"color": RUNS[model].colour, "label": RUNS[model].name, "linewidth": 1.0}
+            bars = np.nan_to_num([values - low, high - values], posinf=0.0)
+            axes.errorbar(x, values, bars, marker="o", markersize=3.5, elinewidth=1.6, **look)
+            if (primitive, model, tilts[-1]) in shown:
+                her = np.degrees(shown[primitive][model][tilts].mean()) * stored.reference.dt
+                axes.plot(x, her, "o", color=RUNS[model].colour, markersize=6.5, fillstyle="none", zorder=1)
         ticks = [f"{setting:g}\n{note(setting)}" for setting in tilts]
         axes.set_xticks(range(len(ticks)), ticks, fontsize=7.5)
         axes.grid(axis="x", visible=False)
-        axes.set(xlabel="roll of the board (°)", ylabel="accumulated cost (rad)", ylim=(0.0, None))
+        axes.set(xlabel="roll of the board (°)", ylabel="angle off, over time (° s)", ylim=(0.0, None))
         axes.legend()
         figures.append(figure)
     return figures

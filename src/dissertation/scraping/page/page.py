@@ -23,7 +23,7 @@ from structlearn.core.params import read_values
 from structlearn.primitives.kernels import KERNEL_COUNT
 from structlearn.reporting import movement_figures
 from structlearn.reporting.document import Source, Table
-from structlearn.reporting.figure_style import Drawing, Raster
+from structlearn.reporting.figure_style import Drawing
 from structlearn.reporting.findings import Findings
 from structlearn.reporting.prose import listing
 
@@ -137,6 +137,9 @@ def drawings(
     people, one = shown_by_figures(own, study)
     known = (*stored.parameters["coupling_dataset"].settings_deg, 0.0)
     role = partial(role_of, parameters=stored.parameters["refine"])
+    cut_errors, paired = movement_figures.noise_figure(
+        frames["noise_sweep"], frames["noise_sweep_comparison"]
+    )
     made: dict[str, Drawing | Sequence[Drawing]] = {
         "demonstrations": demonstration_figures.demonstrations_figure(stored),
         "one_demonstration": demonstration_figures.one_demonstration_figure(stored),
@@ -146,27 +149,29 @@ def drawings(
         "forcing": demonstration_figures.forcing_figure(stored.primitives),
         "sequence": movement_figures.sequence_figure(stored.sequences),
         "sequence_space": demonstration_figures.sequence_space_figure(stored.sequences),
-        "noise_sweep": movement_figures.noise_figure(frames["noise_sweep"], frames["noise_sweep_comparison"]),
+        "noise_sweep": paired,
         "orientation_fit": demonstration_figures.orientation_fit_figure(stored),
         "expected_traces": board_figures.expected_figure(stored),
         "coupling_targets": board_figures.targets_figure(stored),
         "models": board_figures.models_figure(people),
         "weights": board_figures.weights_figure(stored),
-        "still": scraping_still(stored.tilted[POINTWISE][0], stored.tilt_deg),
+        "still": [scraping_still(stored.tilted[POINTWISE][0], stored.tilt_deg), cut_errors],
         "executions": board_figures.executions_figure(stored),
         "board_roll": board_figures.roll_figure(stored),
         "board_cost": board_figures.cost_figure(
-            stored.names, people, "cost", lambda tilt: "" if tilt in known else "unseen"
+            stored, people, one, "cost", lambda tilt: "" if tilt in known else "unseen"
         ),
         "refinement_learning": board_figures.learning_figure(stored, frames["refinement_curves"]),
         "refinement_cost": board_figures.cost_figure(
-            stored.names, one, "refined_cost", lambda tilt: role(tilt) if tilt else "default"
+            stored, one, one, "refined_cost", lambda tilt: role(tilt) if tilt else "default"
         ),
         "alignment": alignment_figures.alignment_figure(stored.was_cut, cuts, stored.found_primitives),
     }
     for name in stored.adapted:
         panels = board_figures.closed_loop_figure(stored, name)
-        made[f"closed_loop_{name}"] = [Raster(panel) for panel in panels]  # hundreds of lines
+        shown = {0, len(panels) // 2, len(panels) - 1}
+        made[f"closed_loop_{name}"] = [panels[place] for place in sorted(shown)]
+        made[f"other_tilts_{name}"] = [one for place, one in enumerate(panels) if place not in shown]
     first = stored.found_primitives[0]
     guess = stored.most_refined_guess(first.name)
     made["correspondences"] = alignment_figures.correspondence_figure(stored.reference, guess, cuts, first)

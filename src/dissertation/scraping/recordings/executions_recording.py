@@ -111,7 +111,7 @@ def robot(one: Execution) -> Recording:
     moved = items.series("joints", times, np.degrees(angles[one.kept] - angles[0]), names, colours)
 
     # view the arm from the side that the tool turns away from
-    target, offset = np.array([0.57 * CONTACT_M[0], 0.0, 0.4]), 1.3 * np.array([0.45, -0.85, 0.3])
+    target, offset = np.array([0.7 * CONTACT_M[0], 0.0, 0.3]), 0.95 * np.array([0.45, -0.85, 0.3])
     arm = meshes("arm", URDF, JOINTS, times, angles[one.kept])
     title = "Scraping: robot with feedback"
     whole = views.eye(f"{title}{views.origin_label([one.run])}", [*arm, *hand], target, offset)
@@ -119,7 +119,7 @@ def robot(one: Execution) -> Recording:
     details = views.row(close_view(f"board at {one.board_deg:g} degrees", hand), beside)
     moving = views.plot("joints since the start (degrees)", [moved], legend=False)
     plots = views.column(*signal_plots("signals", [one]), moving)
-    return Recording(title, views.row(views.column(whole, details), plots, shares=[4, 3]))
+    return Recording(title, views.row(views.column(whole, details, shares=[5, 6]), plots, shares=[3, 2]))
 
 
 def _notes(text: str, executions: Sequence[Execution]) -> Panel:

@@ -11,7 +11,7 @@ import numpy as np
 import pandas as pd
 
 from dissertation.scraping.names import ROLLOUTS
-from structlearn.palette import ORANGE, WHITE
+from structlearn.palette import BAD, WHITE
 from structlearn.policy_search.refinement import FEEDBACK, IMPROVED, SAMPLE
 from structlearn.viewer import views
 from structlearn.viewer.diagram import Diagram, axes, diagram_view, rounded_range
@@ -191,4 +191,4 @@ def _costs(search: Search, diagram: Diagram, iteration: int) -> Iterator[Item]:
         now = int(failed[search.history["iteration"] == iteration].sum())
         place = diagram.points(iteration, diagram.y_range[1])
         label = [f"{now} failed"] * (now > 0)
-        yield texts(search.path("costs", "failed"), [place] * (now > 0), label, ORANGE, at=at)
+        yield texts(search.path("costs", "failed"), [place] * (now > 0), label, BAD, at=at)

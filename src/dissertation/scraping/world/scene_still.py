@@ -17,7 +17,9 @@ from structlearn.readers.demonstration import Demonstration
 ARM = "kuka_iiwa/model.urdf"  # with meshes, in PyBullet's data folder
 BOARD_M = np.array([0.10, 0.18, 0.006])
 BENCH_M = np.array([0.16, 0.24, 0.02])
-PALM_M, FINGER_M, BLADE_M = np.array([0.07, 0.09, 0.04]), np.array([0.018, 0.02, 0.055]), 0.003
+TIP_M = 0.0075  # of the fingers, beyond the grasp
+PALM_M, FINGER_M = np.array([0.07, 0.09, 0.065]), np.array([0.018, 0.02, layout.GRASP_M + TIP_M])
+BLADE_M = 0.003
 """Sizes of parts drawn as boxes; the simulation only has their masses and contacts."""
 
 WOOD, STEEL, SKIN, TOOL = (
@@ -30,8 +32,8 @@ CLOSE = View(target=(0.63, -0.02, 0.135), distance=0.5, yaw_deg=12.0, pitch_deg=
 """View along the scraping direction, in which the tool's roll on the board is visible."""
 
 PANEL, WORDS = (420, 380), 72  # pixels of one run in the loop, and of the text above it
-TILT_S, HOLD_S = 1.0, 1.2  # duration of the board's tilt before the run, and of the pause after it
-FRAMES_PER_S, SPEED = 12, 2.0  # of the loop; speed-up over real time
+TILT_S, HOLD_S = 0.8, 0.8  # duration of the board's tilt before the run, and of the pause after it
+FRAMES_PER_S, SPEED = 12, 3.0  # of the loop; speed-up over real time
 QUALITY = 70  # of WebP: the largest with a loop safely below 1 MB
 
 
@@ -45,7 +47,11 @@ def scraping_still(run: Demonstration, board_deg: float) -> np.ndarray:
 
 
 def write_loop(path: Path, runs: Sequence[tuple[Look, Demonstration]], board_deg: float) -> None:
-    """Write an animated WebP: the board tilts, then the runs are executed side by side, in close-up."""
+    """Write an animated WebP: the board tilts, then the runs are executed side by side, in close-up.
+
+    It begins in the middle of the last primitive, where the runs differ: viewers that do not play it, and
+    readers who look once, see that.
+    """
     frames = round(TILT_S * FRAMES_PER_S)
     last = round(float(runs[0][1].signal("true_segments")[-1, 1]) / runs[0][1].dt)
     step = round(SPEED / FRAMES_PER_S / runs[0][1].dt)
@@ -53,8 +59,11 @@ def write_loop(path: Path, runs: Sequence[tuple[Look, Demonstration]], board_deg
     moments = [(0, tilt * board_deg) for tilt in tilts]
     moments += [(moment, board_deg) for moment in range(0, last + 1, step)]
     drawn = partial(_frame, runs=runs, board_deg=board_deg)
+    durations = [round(1000 / FRAMES_PER_S)] * (len(moments) - 1) + [round(1000 * HOLD_S)]
+    telling = round(float(runs[0][1].signal("true_segments")[-1].mean()) / runs[0][1].dt)
+    start = next(place for place, (moment, _) in enumerate(moments) if moment >= telling)
+    moments, durations = (its[start:] + its[:start] for its in (moments, durations))
     first, *others = parallel_map(drawn, moments, "frames of the loop", local=True)
-    durations = [round(1000 / FRAMES_PER_S)] * len(others) + [round(1000 * HOLD_S)]
     first.save(path, "WEBP", save_all=True, append_images=others, duration=durations, loop=0, quality=QUALITY)
 
 
@@ -95,8 +104,8 @@ def _solids(run: Demonstration, moment: int, board_deg: float, drawn_deg: float 
         Solid("box", BOARD_M / 2, below, drawn, WOOD),
         Solid("cylinder", (0.012, 0.07), (*base, 0.055), colour=STEEL),
         Solid("box", BENCH_M / 2, (*base, 0.01), colour=STEEL),
-        held(PALM_M, (0.0, 0.0, -layout.GRASP_M - 0.02), hand, SKIN),
-        held(FINGER_M, (0.016, 0.0, -0.02), hand, SKIN),
-        held(FINGER_M, (-0.016, 0.0, -0.02), hand, SKIN),
+        held(PALM_M, (0.0, 0.0, -layout.GRASP_M - 0.5 * PALM_M[2]), hand, SKIN),
+        held(FINGER_M, (0.016, 0.0, TIP_M - 0.5 * FINGER_M[2]), hand, SKIN),
+        held(FINGER_M, (-0.016, 0.0, TIP_M - 0.5 * FINGER_M[2]), hand, SKIN),
         held(blade, (0.0, 0.0, layout.EDGE_M / 2), tool, TOOL),
     ]

@@ -22,7 +22,7 @@ from dissertation.servoing.protocol.servo_scores import KEYS, rows_of, success_b
 from dissertation.servoing.protocol.servo_variants import ADAPTIVE, SPACES, ServoVariant
 from dissertation.simulation.still import Sheet, Solid, View, still
 from structlearn.core import quaternion
-from structlearn.palette import BLACK, BLUE, GREY, LIGHT_GREY, ORANGE
+from structlearn.palette import BAD, BLACK, BLUE, GREY, LIGHT_GREY
 from structlearn.reporting.evidence import Evidence, clustered_share, geometric_mean, mean
 from structlearn.reporting.figure_style import PANEL_WIDTH, Drawing, Raster, canvas, styled
 from structlearn.tactile.electrodes import Skin
@@ -153,7 +153,7 @@ def _contacts(shown: Shown) -> list[Figure]:
     right, share = _panel("Share of samples below an error", "error (mm)", "%")
     level = np.linspace(0.0, 1.0, 201)
     share.plot(np.quantile(errors["error_mm"], level), 100 * level, color=BLUE)
-    share.axvline(1.0, color=ORANGE, linestyle="--", linewidth=1.1)
+    share.axvline(1.0, color=BLACK, linestyle="--", linewidth=1.1)
     share.set(xlim=(0, None), ylim=(0, 100))
     return [left, right]
 
@@ -285,7 +285,7 @@ def _ways(shown: Shown, variant: ServoVariant) -> Figure:
         row, touching = trials.loc[key], path[path["load_n"] > 0]
         path = 1e3 * np.stack(skin.coordinates(touching[["x_m", "y_m", "z_m"]].to_numpy(float)))
         axes.plot(*path, color=names.FORM_COLOURS[variant.form], linewidth=1.0)
-        target = BLACK if row["success"] else ORANGE
+        target = BLACK if row["success"] else BAD
         for name, mark, colour in (("start", "o", GREY), ("target", "x", target)):
             place = skin.coordinates(row[[f"{name}_{axis}_m" for axis in "xyz"]].to_numpy(float))
             axes.plot(*(1e3 * np.array(place)), mark, color=colour, markersize=5)
@@ -308,8 +308,8 @@ def _progress(shown: Shown) -> list[Figure]:
             distance.plot(rows["time_s"], rows["median_mm"], color=colour, linestyle=line)
             within.plot(rows["time_s"], 100 * rows["within"], color=colour, linestyle=line)
             tolerance.plot(shares["tolerance_mm"], 100 * shares["rate"], color=colour, linestyle=line)
-    distance.axhline(bound.position_mm, color=ORANGE, linestyle=":", linewidth=1.1)
-    tolerance.axvline(bound.position_mm, color=ORANGE, linestyle=":", linewidth=1.1)
+    distance.axhline(bound.position_mm, color=BLACK, linestyle=":", linewidth=1.1)
+    tolerance.axvline(bound.position_mm, color=BLACK, linestyle=":", linewidth=1.1)
     for axes, top in ((distance, None), (within, 101), (tolerance, 101)):
         axes.set(xlim=(0, None), ylim=(0, top))
     distance.legend(

@@ -8,7 +8,7 @@ import pandas as pd
 from matplotlib.figure import Figure
 
 from structlearn.core.metrics import matching
-from structlearn.palette import BLACK, BLUE, CATEGORICAL_COLOURS, GREY, ORANGE
+from structlearn.palette import BLACK, BLUE, CATEGORICAL_COLOURS, GREY, OCHRE
 from structlearn.reporting.figure_style import Drawing, legend, panel, styled
 from structlearn.rigid_body.motion import Motion
 from structlearn.tasks.motion.motion_results import BEST, BOUNDS, LOOKS, URDF, MotionResults
@@ -95,10 +95,24 @@ def load_panel(results: MotionResults, log: str) -> Figure:
             axes.plot([start, end], [true, true], color=BLACK, linewidth=2.0, label=f"published: {true:g} kg")
             if start + load.settled_s < end:  # ends below the text
                 axes.axvline(start + load.settled_s, ymax=0.9, color=BLACK, linestyle=":", linewidth=1.0)
-    axes.plot(carried["time_s"], carried["mass_kg"], color=ORANGE, linewidth=1.8, label="found so far")
+    axes.plot(carried["time_s"], carried["mass_kg"], color=BLUE, linewidth=1.8, label="found so far")
     axes.axhline(0.0, color=BLACK, linewidth=0.7)
     axes.set(xlim=(0.0, carried["time_s"].max()), ylim=(min(-0.3, 1.1 * carried["mass_kg"].min()), top))
     return legend(figure)
+
+
+@styled
+def torque_check_panels(table: pd.DataFrame) -> list[Figure]:
+    """Mean torque of each joint by the URDF over the measured one, by sign; `table`: `payload_torques`."""
+    figures, ends = [], np.array([-1.05, 1.05]) * table["measured_n_m"].abs().max()
+    for payload, title in ((False, "URDF alone"), (True, "URDF with the best payload")):
+        figure, axes = panel(title, xlabel="measured, mean (N m)", ylabel="model, mean (N m)")
+        axes.plot(ends, ends, color=GREY, linewidth=0.9, zorder=0)
+        for sign, words, colour in ((1, "sign as recorded", OCHRE), (-1, "sign reversed", BLUE)):
+            its = matching(table, payload=payload, sign=sign)
+            axes.plot(its["measured_n_m"], its["model_n_m"], "o", color=colour, markersize=4.5, label=words)
+        figures.append(legend(figure))
+    return figures
 
 
 @styled

@@ -13,7 +13,7 @@ from structlearn.reporting.findings import Findings
 from structlearn.reporting.prose import rounded
 from structlearn.tasks.motion import parameters as names
 from structlearn.tasks.motion.differing_motion import REFITTED
-from structlearn.tasks.motion.motion_figures import motion_figures
+from structlearn.tasks.motion.motion_figures import motion_figures, torque_check_panels
 from structlearn.tasks.motion.motion_results import (
     BEST,
     BOUNDS,
@@ -65,6 +65,7 @@ def dynamics_section(files: TaskFiles) -> Section:
             find=check_findings(tables),
             tables={name: shown(tables[name]) for name in ("payload_torques", "payloads")}
             | {"motion_gravity": _gravity(tables["gravity"])},
+            pictures={"payload_torques": torque_check_panels(tables["payload_torques"])},
         )
     results = MotionResults(tables, parameters)
     urdf = f"{files.folder}/motion/identified.urdf"

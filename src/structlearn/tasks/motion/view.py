@@ -6,7 +6,7 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 
-from structlearn.palette import BLUE, GREY, LIGHT_GREY, ORANGE
+from structlearn.palette import BLUE, GREY, LIGHT_GREY, PINK
 from structlearn.readers.joint_log import MotionLog
 from structlearn.rigid_body.urdf import moved_link
 from structlearn.tasks.motion.parameters import (
@@ -53,12 +53,12 @@ def carried(
     weighed = tables["loads"].set_index(["pair", "gains"]).loc[(name, "found")]
     centre, link = weighed[CENTRE].to_numpy(float), moved_link(urdf, log.joints[-1])
     arm, reach = sticks(ARM, urdf, log.joints, time, q, (LIGHT_GREY, GREY))
-    ball = items.dots(BODY, centre[None], ORANGE, RADIUS_M)
-    held = items.lines(f"{BODY}/held", [[np.zeros(3), centre]], ORANGE, 0.2 * RADIUS_M)
+    ball = items.dots(BODY, centre[None], PINK, RADIUS_M)
+    held = items.lines(f"{BODY}/held", [[np.zeros(3), centre]], PINK, 0.2 * RADIUS_M)
     around = reach * np.array([[0.4, 0, 0], [-0.4, 0, 0], [0, 0.4, 0], [0, 0, 1.0]])  # also when upright
     scene = arm_scene("Arm with its load", [*arm, attached(ball, ARM, link), held], around)
     colours = {
-        "the load at its centre by least squares, joined to the flange": ORANGE,
+        "the load at its centre by least squares, joined to the flange": PINK,
         f"its published mass, {load.known_kg:g} kg (wide)": REFERENCE,
         "online estimate of the last link (Cov), and its error": FOUND,
         "error of the model of the empty arm": EMPTY,

@@ -6,7 +6,7 @@ import numpy as np
 import pandas as pd
 from matplotlib.figure import Figure
 
-from structlearn.palette import BLACK, BLUE, GREY, LIGHT_GREY, ORANGE, Look
+from structlearn.palette import BLACK, BLUE, GREY, LIGHT_GREY, Look
 from structlearn.reporting.document import Table
 from structlearn.reporting.evidence import Evidence, mean, unknown
 from structlearn.reporting.figure_style import Drawing, Raster, legend, map_panels, panel, styled
@@ -336,7 +336,7 @@ def servo_panels(runs: SkinRuns) -> list[Figure]:
             axes.plot(*np.array([path[0], target]).T, color=LIGHT_GREY, linewidth=0.9)
             axes.plot(*path.T, color=BLUE, linewidth=1.0)
             axes.plot(*path[0], "o", color=GREY, markersize=3.0)
-            axes.plot(*target, "x", color=ORANGE, markersize=5.0)
+            axes.plot(*target, "x", color=BLACK, markersize=5.0)
         figures.append(figure)
     return figures
 

@@ -5,7 +5,7 @@ from typing import Literal
 
 import pandas as pd
 
-from structlearn.palette import BLUE, GREEN, GREY, OCHRE, ORANGE, Look
+from structlearn.palette import BAD, BLUE, GREY, OCHRE, PINK, Look
 
 # latent spaces and their rivals, which see the same channels
 STRUCTURED, PLAIN = "structured", "reconstruction only"
@@ -14,7 +14,7 @@ SPACES = {
     STRUCTURED: Look("structured latent space", BLUE),
     PLAIN: Look("latent space without structure", OCHRE),
     COMPONENTS: Look("3 principal components", GREY),
-    PROCESS: Look("Gaussian process on all channels", GREEN),
+    PROCESS: Look("Gaussian process on all channels", PINK),
 }
 
 # models of force; the pressure of a magnetic skin is the norm of all its channels
@@ -35,8 +35,8 @@ ADAPTIVE = "NJ, adaptive"
 # trials of slides over materials
 SLIDE_GROUPS = {
     "learned": Look("this material", BLUE),
-    "left out": Look("fault of the sensor", OCHRE),
-    "other material": Look("other material", ORANGE),
+    "left out": Look("fault of the sensor", BAD),
+    "other material": Look("other material", PINK),
 }
 
 

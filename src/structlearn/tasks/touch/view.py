@@ -6,7 +6,7 @@ from dataclasses import replace
 import numpy as np
 import pandas as pd
 
-from structlearn.palette import BLUE, GREY, LIGHT_GREY, ORANGE, place_colours
+from structlearn.palette import BLUE, GOOD, GREY, LIGHT_GREY, place_colours
 from structlearn.primitives.primitive_files import read_vector_primitive
 from structlearn.primitives.vector import VectorPrimitive, deviation, without_offset
 from structlearn.readers.demonstration import Demonstration, read_streams
@@ -31,7 +31,7 @@ Over time, on the plate: servoing on the table of recorded presses, from one pre
 a step a second, one path after the other. Below: the force on a scale at one place, and what is read off the
 skin by another run.
 
-{views.legend({"probe": LIGHT_GREY, "its target": GREY, "scale": ORANGE, "estimated from the skin": BLUE})}"""
+{views.legend({"probe": LIGHT_GREY, "its target": GREY, "scale": GOOD, "estimated from the skin": BLUE})}"""
 
 
 NOTHING = "The task has no touches."
@@ -54,7 +54,7 @@ def skin(tables: Mapping[str, pd.DataFrame], tuned_on: tuple[str, ...]) -> Recor
         shown.append(_maps(shown_map(tables["maps"], tuned_on), tables.get("paths")))
     if "traces" in tables:
         its = of_pair(tables["traces"], tables["traces"])
-        columns = {"force_n": ("scale", ORANGE), "read_n": ("estimated from the skin", BLUE)}
+        columns = {"force_n": ("scale", GOOD), "read_n": ("estimated from the skin", BLUE)}
         forces = [
             items.series(entity("force", look[0]), its["time_s"].to_numpy(), its[column].to_numpy(), *look)
             for column, look in columns.items()
