@@ -2,6 +2,7 @@
 
 import math
 from collections.abc import Iterable
+from typing import Any
 
 MINUS = "\N{MINUS SIGN}"
 RAISED = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
@@ -45,7 +46,7 @@ def rounded(value: float, number_format: str) -> str:
     return text.lstrip(MINUS) if text.strip(MINUS + "0.%") == "" else text
 
 
-def spelled(value: float, number_format: str) -> str:
+def spelled(value: Any, number_format: str) -> str:
     """Number with a true minus sign, and without an e, e.g. 76 300 for 7.63e+04."""
     text = f"{value:{number_format}}"
     digits, e, exponent = text.partition("e")

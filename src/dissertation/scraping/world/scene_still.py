@@ -62,7 +62,8 @@ def write_loop(path: Path, runs: Sequence[tuple[Look, Demonstration]], board_deg
     durations = [round(1000 / FRAMES_PER_S)] * (len(moments) - 1) + [round(1000 * HOLD_S)]
     telling = round(float(runs[0][1].signal("true_segments")[-1].mean()) / runs[0][1].dt)
     start = next(place for place, (moment, _) in enumerate(moments) if moment >= telling)
-    moments, durations = (its[start:] + its[:start] for its in (moments, durations))
+    moments = moments[start:] + moments[:start]
+    durations = durations[start:] + durations[:start]
     first, *others = parallel_map(drawn, moments, "frames of the loop", local=True)
     first.save(path, "WEBP", save_all=True, append_images=others, duration=durations, loop=0, quality=QUALITY)
 
