@@ -1,4 +1,4 @@
-"""Picture of the page on own data: a gripper in a simulated task, demonstrated and commanded.
+"""Picture of the page on own data: a gripper of a simulated task, as demonstrated and as commanded.
 
 python docs/pictures/outputs.py
 """

@@ -128,7 +128,8 @@ def read_skill(path: str | Path) -> ReactiveSkill:
             for name, by_axis in described["networks"].items()
         }
         named = {key: _names(described, key) for key in COMMANDED}
-        workspace = Workspace(*tensors["workspace"], named["joints"])
+        low, high = tensors["workspace"]
+        workspace = Workspace(low, high, named["joints"])
         skill = ReactiveSkill(
             pose_primitives(described["primitives"], tensors_below("primitives", tensors)),
             expected,

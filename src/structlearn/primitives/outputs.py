@@ -6,8 +6,9 @@ so that the noise of a sensor makes none; since the phase of a run only falls, n
 """
 
 from collections import Counter
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 
@@ -51,7 +52,7 @@ def hysteresis(values: Sequence[np.ndarray]) -> tuple[np.ndarray, np.ndarray]:
     return np.where(still, 0.0, low), np.where(still, np.finfo(float).tiny, high)
 
 
-def _over(extreme: np.ufunc, values: Sequence[np.ndarray]) -> np.ndarray:
+def _over(extreme: Callable[..., Any], values: Sequence[np.ndarray]) -> np.ndarray:
     return extreme([extreme(own, axis=0) for own in values], axis=0)
 
 

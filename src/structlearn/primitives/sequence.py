@@ -12,8 +12,9 @@ from pydantic import Field
 from structlearn.core import quaternion
 from structlearn.core.frames import UP
 from structlearn.core.params import Parameters
-from structlearn.primitives import canonical, kernels, orientation, position, twist_swing, vector
+from structlearn.primitives import canonical, kernels, orientation, twist_swing, vector
 from structlearn.primitives.outputs import Switching
+from structlearn.primitives.position import PositionPrimitive
 from structlearn.primitives.rhythmic import Rhythm
 from structlearn.primitives.trajectory import OrientationTrajectory, Trajectory
 
@@ -34,10 +35,10 @@ class PosePrimitive:
     """Position and orientation of one primitive; both run on one canonical system."""
 
     name: str
-    position: position.PositionPrimitive
+    position: PositionPrimitive
     # None if no orientation was recorded
     orientation: OrientationPrimitive | None = None
-    outputs: position.PositionPrimitive | None = None  # of C continuous outputs, without a frame
+    outputs: PositionPrimitive | None = None  # of C continuous outputs, without a frame
     switching: Switching | None = None  # of B digital outputs
 
     @property

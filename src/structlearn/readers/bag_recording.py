@@ -16,7 +16,6 @@ from structlearn.readers.definitions import short_name
 from structlearn.readers.demonstration import (
     JOINT_KINDS,
     Demonstration,
-    Kind,
     NamedShape,
     Recording,
     Stream,
@@ -135,7 +134,9 @@ def read_recording(
             computed. The message names file and topic.
     """
     file = as_recording_file(file)
-    bag = open_bag(file, list(dict.fromkeys(column_of(topic)[0] for topic in topics.topics)))
+    outputs = {topic for _, topic in (*topics.outputs, *topics.digital)}
+    wanted = [column_of(topic)[0] if topic in outputs else topic for topic in topics.topics]
+    bag = open_bag(file, list(dict.fromkeys(wanted)))
     with damage_named(file.path):
         known = None if bag.metadata is None else json.loads(bag.metadata["true_segments"])
         segments = None if known is None else np.array(known, dtype=float).reshape(-1, 2)
@@ -400,7 +401,7 @@ class _Reading:
             self.left_out.append(f"{topic}: without {', '.join(others)}")
         return series
 
-    def _output(self, topic: str, role: Kind) -> Stream:
+    def _output(self, topic: str, role: Literal["outputs", "digital"]) -> Stream:
         """A number over time, of a topic or the position of a joint, under the output's name."""
         named = {its: name for name, its in (*self._topics.outputs, *self._topics.digital)}
         source, joint = column_of(topic)

@@ -46,7 +46,7 @@ MESSAGE_TYPES: Mapping[Kind, str] = {  # type that each kind of stream is writte
     "tactile": "std_msgs/msg/Float32MultiArray",
     "tool_to_board": "geometry_msgs/msg/QuaternionStamped",
 }
-OUTPUT_TYPES: Mapping[str, str] = {"outputs": "std_msgs/msg/Float64", "digital": "std_msgs/msg/Bool"}
+OUTPUT_TYPES: Mapping[Kind, str] = {"outputs": "std_msgs/msg/Float64", "digital": "std_msgs/msg/Bool"}
 SHAPES_TYPE = "visualization_msgs/msg/MarkerArray"  # one message for all; drawn by rviz, Foxglove and rerun
 SOLIDS: Mapping[int, Form] = {1: "cube", 2: "sphere", 3: "cylinder"}  # by marker type
 

@@ -82,8 +82,8 @@ def read_pose_table(path: Path) -> Bag:
         wrench = Stream("", "wrench", stamps, block(WRENCH))
         messages[TABLE_TOPICS["wrench"]] = to_messages(str(path), wrench)
     for output in _joints(names, "output"):
-        values = Stream("", "outputs", stamps, block([f"output.{output}"]))
-        messages[f"/output/{output}"] = to_messages(str(path), values)
+        stream = Stream("", "outputs", stamps, block([f"output.{output}"]))
+        messages[f"/output/{output}"] = to_messages(str(path), stream)
     fields = {}
     joints = list(dict.fromkeys(name for prefix in FIELDS.values() for name in _joints(names, prefix)))
     for kind, prefix in FIELDS.items():

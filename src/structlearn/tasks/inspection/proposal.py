@@ -142,7 +142,8 @@ def _topics(
     if left := [topic for topic in arrays if topic not in touch]:
         key = "topics.tactile" if touch else f"topics.{next(iter(topics))}"
         warnings[key].append(f"arrays that may be tactile sensors: {', '.join(left)}")
-    for role, kinds in (("digital", {"std_msgs/Bool"}), ("outputs", set(READERS["outputs"]))):
+    beside: dict[Role, set[str]] = {"digital": {"std_msgs/Bool"}, "outputs": set(READERS["outputs"])}
+    for role, kinds in beside.items():
         named = {_words(topic): topic for topic in _of_role(seen, role, kinds) if OUTPUT.search(topic)}
         if named:
             topics[role] = named

@@ -7,7 +7,7 @@ import re
 from collections.abc import Callable, Mapping, Sequence
 from contextlib import suppress
 from itertools import product
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 from structlearn.core.errors import InputError
 from structlearn.readers.bag_recording import open_bag, read_recording
@@ -254,7 +254,8 @@ def frames_above(frame: str, parents: Mapping[str, str]) -> list[str]:
 
 
 def _poses(file: RecordingFile, source: PoseSource) -> Stream:
-    none = dict.fromkeys(("twist", "joints", "wrench", "tool_to_board"))
+    assert not isinstance(source, JointMotion)  # which is no pose
+    none: dict[str, Any] = dict.fromkeys(("twist", "joints", "wrench", "tool_to_board"))
     topics = TopicMap(pose=source, joint_states=(), tactile=(), **none)
     return next(
         stream for stream in read_recording(file, topics, AS_THEY_COME).streams if stream.kind == "pose"

@@ -177,7 +177,8 @@ def stretched_outputs(
         for name, rows in cuts.items():
             if run.name in rows.index:
                 first, last = (round(float(rows.loc[run.name, end]) / run.dt) for end in ("start_s", "end_s"))
-                time = np.linspace(*parts.loc[name, ["first", "last"]], last - first + 1)
+                begin, end = parts.loc[name, ["first", "last"]].tolist()
+                time = np.linspace(begin, end, last - first + 1)
                 for column, values in columns.items():
                     curves.setdefault(column, []).append((time, values[first : last + 1]))
     return curves

@@ -1,6 +1,7 @@
 """Write a task's skill file for a robot: primitives, feedback, bounds and provenance."""
 
 from dataclasses import replace
+from typing import Any
 
 from structlearn.core.artefacts import publish
 from structlearn.core.errors import InputError
@@ -20,7 +21,11 @@ def main(files: TaskFiles) -> None:
     runs = files.runs("demonstrations", OUTPUTS)
     joints = joint_names(runs[0])
     workspace = demonstrated_workspace([run.position for run in runs], own.skill.workspace_margin_m, joints)
-    named = {"joints": joints, "outputs": runs[0].output_names, "digital": runs[0].digital_names}
+    named: dict[str, Any] = {
+        "joints": joints,
+        "outputs": runs[0].output_names,
+        "digital": runs[0].digital_names,
+    }
     try:
         skill = ReactiveSkill(files.primitives(), workspace=workspace, **named)
     except InputError as error:  # a primitive no controller can step, e.g. with a turn beyond half a circle
