@@ -214,7 +214,7 @@ class Controller:
         that is the first at or after the phase; coupling terms shift it. It holds for this run, also when
         goals are moved later.
 
-        `phase`: as the property, 1 at the start and 0.014 at the end. `position`: (3,) m.
+        `phase`: as the property, 1 at the start and 0.014 at the end. `position`: (3,) m, or (J,) of joints.
 
         Raises:
             InputError: no such primitive, it has ended or is rhythmic, the phase is not ahead, the point is
@@ -314,9 +314,10 @@ class Controller:
     def phase(self) -> float:
         """Phase p of the running primitive; of a rhythmic one, of its cycle."""
         rhythm, tau = self.skill.primitives[self.primitive].rhythm, self._plan.tau[self.primitive]
+        elapsed = np.array(self._elapsed)
         if rhythm is not None:
-            return float(rhythmic.phase(self._elapsed / tau, rhythm)[0])
-        return float(canonical.phase(self._elapsed, tau)[0])
+            return float(rhythmic.phase(elapsed / tau, rhythm)[0])
+        return float(canonical.phase(elapsed, tau)[0])
 
     @property
     def stiffness(self) -> np.ndarray | None:

@@ -4,7 +4,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cache, partial
 from itertools import compress
-from typing import TYPE_CHECKING, TypeVar
+from typing import TYPE_CHECKING, Any, TypeVar
 
 import numpy as np
 from pydantic import Field
@@ -194,7 +194,7 @@ def unrolled_outputs(
 
     A continuous output begins in the state in which the primitive before leaves it, as positions do.
     """
-    paths, states, begun = list[Trajectory](), list[np.ndarray](), dict[str, np.ndarray]()
+    paths, states, begun = list[Trajectory](), list[np.ndarray](), dict[str, Any]()
     for primitive, duration, count in zip(primitives, durations, samples, strict=True):
         if primitive.outputs is not None:
             until = dt * (count - 1)
