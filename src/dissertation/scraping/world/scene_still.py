@@ -61,7 +61,7 @@ def write_loop(path: Path, runs: Sequence[tuple[Look, Demonstration]], board_deg
     drawn = partial(_frame, runs=runs, board_deg=board_deg)
     durations = [round(1000 / FRAMES_PER_S)] * (len(moments) - 1) + [round(1000 * HOLD_S)]
     telling = round(float(runs[0][1].signal("true_segments")[-1].mean()) / runs[0][1].dt)
-    start = next(place for place, (moment, _) in enumerate(moments) if moment >= telling)
+    start = int(np.argmin([abs(moment - telling) for moment, _ in moments]))
     moments = moments[start:] + moments[:start]
     durations = durations[start:] + durations[:start]
     first, *others = parallel_map(drawn, moments, "frames of the loop", local=True)
