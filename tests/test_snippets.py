@@ -11,6 +11,7 @@ from own_skills import FIT, pick_skill, slower
 from test_segmentation_strokes import SEGMENT, wiped
 
 from structlearn import command
+from structlearn.feedback.runtime import Controller
 from structlearn.feedback.skill import ReactiveSkill, demonstrated_workspace
 from structlearn.feedback.skill_file import read_skill, write_skill
 from structlearn.primitives.fitting import learn_sequence
@@ -28,10 +29,9 @@ def snippets(page: Path, *languages: str) -> list[str]:
     return [text for language, text in blocks if language in languages]
 
 
-def ran(page: str, **names):
-    """The names of a page's only snippet in Python after it ran."""
-    (snippet,) = snippets(ROOT / "docs" / page, "python")
-    exec(compile(snippet, page, "exec"), names)
+def ran(page: str, place: int = 0, **names):
+    """The names of a page's snippet in Python after it ran."""
+    exec(compile(snippets(ROOT / "docs" / page, "python")[place], page, "exec"), names)
     return names
 
 
@@ -58,6 +58,17 @@ def test_the_loop_of_the_page_on_robots_follows_to_the_end():
     assert followed[-1] == pytest.approx(skill.primitives[-1].position.goal, abs=5e-3)
 
 
+def test_a_goal_and_a_point_on_the_way_are_given_as_the_page_on_robots_says():
+    skill = slower(pick_skill(), 0.2)
+    controller, start = Controller(skill, 1000.0), default_start(skill.primitives)
+    controller.start(start.position, start.orientation)
+    goal, halfway = (skill.primitives[at].position.goal + 0.01 for at in (1, 0))
+    ran("robot.md", 1, controller=controller, goal=goal, point=0.5 * (goal + halfway))
+    while not controller.finished:
+        controller.tick(None)
+    assert controller.position == pytest.approx(goal, abs=5e-3)
+
+
 def test_strokes_are_repeated_as_the_page_on_own_data_says():
     runs = wiped()
     workspace = demonstrated_workspace([run.position for run in runs], 0.05)
@@ -67,6 +78,9 @@ def test_strokes_are_repeated_as_the_page_on_own_data_says():
     before, after = (skill.primitives[1].position.local for skill in (learned, ended["skill"]))
     assert after.rhythm.cycles == 5.5
     assert after.duration / 5.5 == pytest.approx(before.duration / before.rhythm.cycles)
+    asked = {"clean": lambda camera: False, "camera": None, "Controller": Controller}
+    controller = ran("own-data.md", 1, skill=learned, **asked)["controller"]
+    assert controller.skill.primitives[1].rhythm.cycles == 50.0
 
 
 @pytest.mark.parametrize("page", PAGES, ids=lambda page: page.name)
