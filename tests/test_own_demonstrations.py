@@ -167,7 +167,7 @@ def test_parts_that_an_entry_does_not_name_are_null(root, folder):
         ({}, "structlearn.yaml: movement.task.source: Field required"),
         (REACH | {"feedback": {}}, "movement.task.feedback.executions"),
         (REACH | {"segmant": {}}, "movement.task.segmant: unknown parameter"),
-        (REACH | {"topics": {}}, "movement.task.topics.pose"),
+        (REACH | {"topics": {}}, "movement.task.topics: needs a `pose`, or else `joint_states`"),
         (REACH | {"clock": {"rate_hz": -1}}, "movement.task.clock.rate_hz"),
         (REACH | {"repeats": 0}, "movement.task.repeats"),
         (
