@@ -31,7 +31,7 @@ def test_every_colour_can_be_seen(colour):
     assert luminance(parts(colour)) / luminance(parts("#" + bytes(views.GROUND).hex())) >= 3.0
 
 
-@pytest.mark.parametrize("colour", [*(set(COLOUR_NAMES) - {WHITE}), BLACK])
+@pytest.mark.parametrize("colour", [*(one for one in COLOUR_NAMES if one != WHITE), BLACK])
 def test_a_dark_page_inverts_what_is_drawn_and_keeps_its_hues(colour):
     paper = parts(DARK.partition("--paper: ")[2][:7])
     turned = np.clip(HUES_TURNED @ (1.0 - parts(colour)), 0.0, 1.0)
