@@ -10,7 +10,7 @@ from feedback_skills import random_network
 from made_up_environment import CHANNELS, KERNELS, LEARNED, NEW, PHASE, TICKS, MadeUp, dataset, felt, wanted
 
 from structlearn.core.errors import InputError
-from structlearn.feedback.coupling_dataset import concatenated
+from structlearn.feedback.coupling_dataset import COLUMNS, concatenated
 from structlearn.feedback.models.pmnn import open_loop
 from structlearn.feedback.trainers import TrainingParameters, train_final
 from structlearn.policy_search import refinement
@@ -245,8 +245,8 @@ def test_the_network_is_trained_anew_on_demonstrations_and_improved_runs(
     kept = len(demonstrations.target)
     for (data, start), added in zip(trained, (2, 3), strict=True):
         assert start is initial
-        for name, values in vars(demonstrations).items():
-            np.testing.assert_array_equal(getattr(data, name)[:kept], values)
+        for name in COLUMNS:
+            np.testing.assert_array_equal(getattr(data, name)[:kept], getattr(demonstrations, name))
         new = data.where(np.arange(kept, len(data.target)))
         numbers, counts = np.unique(new.demonstration, return_counts=True)
         assert counts.tolist() == [TICKS] * added

@@ -30,7 +30,7 @@ from structlearn.tasks.project import ENTRIES, PIPELINE
 from structlearn.tasks.task_files import NAME_RULE, is_name, is_public, local_path
 
 # Keys that a task only has if its entry names them
-PARTS = ("segment", "rests", "feedback", "corrections", "robot")
+PARTS = ("segment", "rests", "stiffness", "feedback", "corrections", "robot")
 
 
 class Entry(NamedTuple):
