@@ -514,6 +514,32 @@ def test_a_via_point_holds_when_a_goal_moves_and_in_a_copy(rng):
     np.testing.assert_array_equal(again["position"], free["position"])
 
 
+@for_few_rngs
+def test_a_goal_moves_also_just_before_a_via_point(rng):
+    """The hand then passes it as planned: in a few ticks, a goal moves it by little."""
+    skill, durations = random_skill(rng), [3.0, 3.0, 3.0]
+    controller, direct = (started(Controller(skill, RATE, durations)) for _ in range(2))
+    point = POINTS[:2].mean(axis=0) + random_vectors(rng, 0.02)
+    controller.add_via_point("down", 0.25, point)
+    ticks = 0
+    while controller.phase > 0.255:
+        controller.tick(None)
+        ticks += 1
+    run(direct, ticks=ticks)
+    goal = POINTS[1] + random_vectors(rng, 0.02)
+    for one in (controller, direct):
+        one.move_goal("down", goal)
+    assert controller.phase > 0.25
+    while controller.phase > 0.25:
+        controller.tick(None)
+        ticks += 1
+    np.testing.assert_allclose(controller.position, point, atol=1e-4)
+    for one in (controller, direct):
+        while one.primitive == 0:
+            one.tick(None)
+    np.testing.assert_allclose(controller.position, direct.position, atol=1e-6)
+
+
 def test_a_via_point_that_cannot_be_passed_is_an_error_and_nothing_moves():
     skill = replace(random_skill(np.random.default_rng(12)), workspace=BOX)
     controller = started(Controller(skill, RATE))
@@ -529,7 +555,8 @@ def test_a_via_point_that_cannot_be_passed_is_an_error_and_nothing_moves():
         (("tilt", np.nan, near), "which is not ahead"),
         (("tilt", "late", near), "must be a number"),
         (("tilt", passed - 0.02, near), "less than 10 ticks from now"),
-        (("tilt", 0.0142, near), "less than 10 ticks from now, from the end"),
+        (("scrape", 0.99, near), "less than 10 ticks from now, or from its start"),
+        (("tilt", 0.0142, near), "less than 10 ticks from the end"),
         (("tilt", 0.3, np.full(3, np.nan)), "via point of 'tilt' must be 3 finite numbers"),
         (("tilt", 0.3, np.array([0.0, 0.0, 2.0])), "via point of 'tilt' is outside the workspace"),
         (("tilt", 0.3, np.array([0.35, 0.35, 0.45])), "faster than the movement itself"),

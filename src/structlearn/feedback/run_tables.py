@@ -187,14 +187,15 @@ def through_via_points(
 ) -> tuple[np.ndarray, Point]:
     """Forcing term (T, N) of a primitive from a row on, changed to pass its via points, and its end state.
 
-    `state`: at the row. `forcing`: (T, N) without what is still missing. Raises InputError: a via point is
-    too close to the row, to another or to the end, or takes a detour that is faster than the movement.
+    `state`: at the row. `forcing`: (T, N) without what is still missing. Via points that are less than
+    `FEWEST_ROWS` away are passed as planned before. Raises InputError: a via point is too close to another or
+    to the end, or takes a detour that is faster than the movement.
     """
     index = int(np.searchsorted(plan.rows, row, side="right")) - 1
     primitive, tau = skill.primitives[index], plan.tau[index]
     x, xd, xdd = state
     path = transformation.unroll(x, goal, forcing, dt, tau, xd, xdd)
-    rows = sorted(at - row for at in via if row <= at < plan.rows[index + 1])
+    rows = sorted(at - row for at in via if row + FEWEST_ROWS <= at < plan.rows[index + 1])
     if rows:
         duration = tau * primitive.duration / primitive.position.local.time_constant(primitive.duration)
         ends = np.array([0, *rows, sample_count(duration, dt) - 1 - (row - plan.rows[index])])
@@ -202,9 +203,7 @@ def through_via_points(
         steps = np.diff([np.zeros_like(x), *missing, np.zeros_like(x)], axis=0)
         what, unit = f"a via point of '{primitive.name}'", "of joints per s" if skill.joints else "m/s"
         if np.diff(ends).min() < FEWEST_ROWS:
-            raise InputError(
-                f"{what} is less than {FEWEST_ROWS} ticks from now, from the end or from another"
-            )
+            raise InputError(f"{what} is less than {FEWEST_ROWS} ticks from the end or from another")
         speed = via_points.PEAK_SPEED * np.max(np.linalg.norm(steps, axis=1) / np.diff(ends)) / dt
         planned = primitive.position.unroll(dt, duration=duration).velocity
         if speed > (fastest := np.linalg.norm(planned, axis=1).max()):

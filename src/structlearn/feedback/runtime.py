@@ -184,8 +184,8 @@ class Controller:
         `position`: (3,) m, or (J,) of joints. `orientation`: (4,) unit quaternion; default: unchanged.
 
         Raises:
-            InputError: no such primitive, it has ended, or the goal is invalid or outside the workspace;
-                the state is unchanged.
+            InputError: no such primitive, it has ended, the goal is invalid or outside the workspace, or the
+                way back to a via point is faster than the movement itself; the state is unchanged.
             RuntimeError: the run has not been started.
         """
         plan, state, index = self._plan, self._state, self._coming("move_goal()", primitive)
@@ -231,8 +231,14 @@ class Controller:
         rows = np.arange(*plan.rows[index : index + 2])
         passed = canonical.phase(self._dt * (rows - rows[0]), plan.tau[index])[0] <= phase
         row = rows[np.argmax(passed)]
-        if not (0.0 < phase < 1.0 and passed.any() and row > self._clock[controller_tick.ROW]):
+        due = self._clock[controller_tick.ROW]
+        if not (0.0 < phase < 1.0 and passed.any() and row > due):
             raise InputError(f"the via point of '{name}' is at phase {phase:g}, which is not ahead")
+        if row - max(due, rows[0]) < run_tables.FEWEST_ROWS:
+            raise InputError(
+                f"the via point of '{name}' is less than {run_tables.FEWEST_ROWS} ticks from now, "
+                "or from its start"
+            )
         via = self._via | {int(row): position}
         plan.position_forcing[:] = self._replanned(plan.position_goal, via)
         self._via = via

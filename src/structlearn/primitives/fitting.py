@@ -54,8 +54,7 @@ REPRODUCTION_ERRORS = (
     *("mean_mm", "max_mm", "end_mm", "mean_deg", "max_deg", "end_deg"),
     *("mean_joint", "max_joint", "end_joint"),
 )
-"""Columns of reproduction errors; those in degrees exist only with orientations. Joints have theirs instead,
-in
+"""Columns of reproduction errors; those in degrees exist only with orientations. Joints have their own, in
 the unit of the joints."""
 
 Segment = tuple[Trajectory, OrientationTrajectory | None]
