@@ -8,7 +8,7 @@ from obstacles_unrolls import baseline as fitted
 from pydantic import ValidationError
 
 from dissertation.obstacles.files import BASELINE, read_baselines, write_baselines
-from dissertation.obstacles.protocol.avoidance_scores import person_data
+from dissertation.obstacles.protocol.avoidance_scores import movement_time, person_data
 from dissertation.obstacles.world import reaching_person
 from dissertation.obstacles.world.reaching_person import (
     FIXED_POINTS,
@@ -30,6 +30,7 @@ from dissertation.obstacles.world.scenarios import (
     scenarios,
     unseen_centres,
 )
+from dissertation.simulation.individuals import drawn
 from structlearn.avoidance.avoidance_dataset import (
     AvoidanceDataParameters,
     avoidance_dataset,
@@ -60,7 +61,9 @@ MIDDLE = 0.5 * (SCENE.start + SCENE.goal)
 
 
 def person(**changes):
-    return committed(AvoiderParameters, "obstacle_demonstrator", **changes)
+    """The population's median."""
+    median = committed(AvoiderParameters, "obstacle_demonstrator", **changes)
+    return median.model_copy(update={"between": {}})
 
 
 def closest(scenario, paths):
@@ -350,3 +353,22 @@ def test_enough_people_are_judged_on_whom_nothing_was_chosen():
     population = committed(Population, "obstacle_people")
     assert len(population.test) >= 8
     assert set(range(1, 6)) <= set(population.tuning)  # looked at before
+
+
+def test_people_keep_their_own_clearance_and_pace():
+    """Each keeps away as far, and moves as fast, as was drawn for them; others do not."""
+    people = committed(AvoiderParameters, "obstacle_demonstrator", count=4, baseline_count=2)
+    scenario = Scenario(1, obstacle("sphere", MIDDLE + np.array([0.0, 0.0, 0.02])))
+    kept, taken, drawn_to = [], [], []
+    for seed in range(8):
+        one = drawn(people, seed)
+        paths = reaches(scenario, SCENE, one)
+        kept.append(np.mean([closest(scenario, [path]) for path in paths]) / one.clearance_m)
+        times = [movement_time(its) for its in demonstrations(scenario, SCENE, one)]
+        taken.append(np.mean(times) / one.movement_s)
+        drawn_to.append((one.clearance_m, one.movement_s))
+    clearances, paces = np.array(drawn_to).T
+    assert clearances.max() > 1.3 * clearances.min()
+    assert paces.max() > 1.2 * paces.min()
+    np.testing.assert_allclose(kept, 1.0, atol=0.12)
+    np.testing.assert_allclose(taken, np.mean(taken), rtol=0.1)

@@ -21,7 +21,7 @@ def main() -> None:
         person_data,
         recorded=RUNS,
         scene=stage_parameters("obstacle_scene", SceneParameters),
-        person=stage_parameters("obstacle_demonstrator", AvoiderParameters),
+        people=stage_parameters("obstacle_demonstrator", AvoiderParameters),
         parameters=stage_parameters("obstacle_dataset", AvoidanceDataParameters),
     )
     people = [population.shown, *population.test]

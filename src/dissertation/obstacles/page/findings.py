@@ -16,6 +16,7 @@ import numpy as np
 import pandas as pd
 
 from dissertation.evidence.results import Population, Register, Results
+from dissertation.evidence.variance_shares import between_share, sums_of
 from dissertation.obstacles.names import SITUATIONS
 from dissertation.obstacles.protocol.avoidance_protocols import (
     LIMITED,
@@ -155,6 +156,22 @@ def farthest(results: Results, form: Form, quantity: str = "goal_distance", **ke
 def people(results: Results) -> int:
     """People that the findings are about."""
     return int(results.table["person"].nunique())
+
+
+@finding(between_share, unit="of the variance")
+def between_people(results: Results) -> dict[str, pd.DataFrame]:
+    """Share between people of the log of clearance and movement time past obstacles near the reach."""
+    cases = {"clearance": "log_clearance_m", "pace": "log_movement_s"}
+    return {case: sums_of(results, quantity) for case, quantity in cases.items()}
+
+
+@finding(share)
+def hits_by_preference(results: Results) -> dict[str, pd.DataFrame]:
+    """Unseen spheres hit by networks per shape, of people who prefer their side less and more than most."""
+    its = counts(results, UNSEEN, AS_PUBLISHED, SHAPES)
+    preference = results.each("preference").reindex(its.index)
+    less = preference < preference.median()
+    return {"less": its[less], "more": its[~less]}
 
 
 # --- per setting (IV.8.5) ----------------------------------------------------------------------------------

@@ -28,8 +28,8 @@ from dissertation.obstacles.protocol.avoidance_protocols import (
     UNSEEN,
 )
 from dissertation.obstacles.protocol.results import DEMONSTRATED
-from dissertation.obstacles.world.reaching_person import DETOURS_M
 from dissertation.obstacles.world.scenarios import END_CLEARANCE_M
+from dissertation.simulation.individuals import differences
 from structlearn.avoidance.learned_models import ENSEMBLE, HUMAN_INSPIRED, NETWORK, SETTING
 from structlearn.avoidance.shapes import SHAPES
 from structlearn.core.params import read_values
@@ -88,7 +88,6 @@ def facts(population: Population, shown: Shown, published: Mapping[str, Any]) ->
         "scenarios": len(shown.scenarios),
         "demonstrations": int(shown.demonstrated["person"].isin(tests).sum()),
         "length": length,
-        "longest_detour_m": DETOURS_M[-1],
         "end_clearance_m": END_CLEARANCE_M,
         **{key.removeprefix("obstacle_"): chosen for key, chosen in shown.parameters.items()},
         "unseen_spheres": len(shown.situations[UNSEEN].numbers),
@@ -139,6 +138,7 @@ def tables(population: Population, shown: Shown, published: Mapping[str, Any]) -
         "per_shape": per_shape(own, published["per_shape"]),
         "unseen": unseen(own, published["unseen"]),
         "hits": hits(every),
+        "differences": differences(shown.parameters["obstacle_demonstrator"]),
     }
     return {name: Table(frame, FORMATS, HEADINGS, _strong(frame)) for name, frame in frames.items()}
 

@@ -15,6 +15,7 @@ import pandas as pd
 from dissertation.obstacles.files import BASELINE
 from dissertation.obstacles.world.reaching_person import AvoiderParameters, demonstrations
 from dissertation.obstacles.world.scenarios import Scenario, SceneParameters, scenarios
+from dissertation.simulation.individuals import drawn
 from structlearn.avoidance.avoidance_dataset import (
     AvoidanceDataParameters,
     avoidance_dataset,
@@ -30,6 +31,7 @@ from structlearn.primitives.position import PositionPrimitive
 from structlearn.primitives.vector import sample_count
 from structlearn.readers.demonstration import Demonstration, read_runs
 
+ONSET_SPEED = 0.05  # share of the peak speed at which a reach begins and ends, usual in studies of reaching
 LATE_FACTOR = 1.5  # durations at which the goal distance is scored again, when the forcing term has vanished
 
 
@@ -92,26 +94,29 @@ def person_data(
     seed: int,
     recorded: str | Path,
     scene: SceneParameters,
-    person: AvoiderParameters,
+    people: AvoiderParameters,
     parameters: AvoidanceDataParameters,
 ) -> tuple[PositionPrimitive, pd.DataFrame, pd.DataFrame]:
     """Baseline, samples (`avoidance_dataset.avoidance_table`) and `demonstration_scores` of one person.
 
-    `recorded` is the folder with the runs of `person`; other seeds are simulated. Tables have a column
-    `person`.
+    `recorded` is the folder with the runs of the person with the seed of `people`; others are simulated.
+    Tables have a column `person`; scores also `near`, whether the obstacle is near the line of the reach, and
+    the person's `preference_m`.
     """
-    places = scenarios(scene)
-    if seed == person.seed:
+    places, person = scenarios(scene), drawn(people, seed)
+    if seed == people.seed:
         names = [BASELINE, *(place.name for place in places)]
         unhindered, *sets = [read_runs(Path(recorded, f"{name}.parquet")) for name in names]
     else:
-        other = person.model_copy(update={"seed": seed})
-        unhindered, *sets = [demonstrations(place, scene, other) for place in [None, *places]]
+        unhindered, *sets = [demonstrations(place, scene, person) for place in [None, *places]]
     baseline = fit_baseline(unhindered, parameters)
     pairs = zip((place.obstacle for place in places), sets, strict=True)
     samples = avoidance_table(avoidance_dataset(pairs, baseline, parameters))
     scored = demonstration_scores(sets, places, baseline, parameters.cloud_count)
-    return baseline, samples.assign(person=seed), scored.assign(person=seed)
+    scored = scored.assign(
+        near=scored["scenario"] <= scene.near_settings, person=seed, preference_m=person.preference_m
+    )
+    return baseline, samples.assign(person=seed), scored
 
 
 def demonstration_scores(
@@ -120,9 +125,10 @@ def demonstration_scores(
     baseline: PositionPrimitive,
     cloud_count: int = CLOUD_COUNT,
 ) -> pd.DataFrame:
-    """Scores of demonstrations, with columns as in `unroll_scores` and the goal distance at the last sample.
+    """Scores of demonstrations, with columns as in `unroll_scores`; the goal distance is at the last sample.
 
-    Rows are identified by `obstacle`, `scenario` (number of the setting) and `demonstration` (from 1).
+    `movement_s` is the `movement_time`. Rows are identified by `obstacle`, `scenario` (number of the setting)
+    and `demonstration` (from 1).
     """
     goal, rows = to_local(baseline.goal, baseline), []
     for scenario, its in zip(scenarios, sets, strict=True):
@@ -132,6 +138,14 @@ def demonstration_scores(
             (distance,), (clearance,) = closest_approaches(one.time, position[None], [cloud])
             left = np.linalg.norm(position[-1] - goal)
             keys = (scenario.shape, scenario.setting, number)
-            rows.append((*keys, distance, distance <= 0.0, clearance, left))
+            rows.append((*keys, distance, distance <= 0.0, clearance, left, movement_time(one)))
     columns = ["obstacle", "scenario", "demonstration", "obstacle_distance", "hit", "clearance_m"]
-    return pd.DataFrame(rows, columns=[*columns, "goal_distance_m"])
+    return pd.DataFrame(rows, columns=[*columns, "goal_distance_m", "movement_s"])
+
+
+def movement_time(demonstration: Demonstration) -> float:
+    """Time in s from the first to the last sample whose speed is at least `ONSET_SPEED` of the largest."""
+    velocity = np.gradient(demonstration.position, demonstration.time, axis=0)
+    speed = np.linalg.norm(velocity, axis=1)
+    moving = demonstration.time[speed >= ONSET_SPEED * speed.max()]
+    return float(moving[-1] - moving[0])

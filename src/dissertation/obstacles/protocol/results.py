@@ -3,15 +3,17 @@
 Reaches are summed up by person, situation, rules, model and shape of the obstacle. Those of people are the
 model `DEMONSTRATED`: of all scenarios and, learned from `SETTING`, of those for which the person has models
 per setting. `nmse` is of a model's coupling terms: along an axis, `all` three, `across` the reach (mean of y
-and z), and along the `dominant` axis of scenarios that have one. The study in git is older than this table:
-its sums are over all shapes (`obstacle` is empty), without distances to obstacles and those of people.
+and z), and along the `dominant` axis of scenarios that have one. `log_clearance_m` and `log_movement_s` are
+of people past obstacles near the line of the reach, as sums for `variance_shares`.
 """
 
 from collections.abc import Iterator, Sequence
 
+import numpy as np
 import pandas as pd
 
 from dissertation.evidence.results import joined_results, long_table
+from dissertation.evidence.variance_shares import trial_sums
 from dissertation.obstacles.protocol.avoidance_protocols import TRAINED
 from structlearn.avoidance.learned_models import SETTING
 
@@ -28,6 +30,7 @@ KEYS = {
 }
 
 DEMONSTRATED = "demonstrations"
+WHO, REPEATED = "person", ["obstacle", "scenario"]  # columns of demonstrations: a person repeats scenarios
 
 SUMMARIES = {
     "reaches": ("hit", "size", ""),
@@ -66,6 +69,7 @@ def obstacle_results(scores: pd.DataFrame, demonstrated: pd.DataFrame, errors: p
             model=DEMONSTRATED,
         ),
         fits(errors),
+        *people_rows(demonstrated),
     ]
     return joined_results(parts, KEYS)
 
@@ -75,6 +79,16 @@ def _reaches(stage: str, scores: pd.DataFrame, by: Sequence[str], **keys: str) -
     for quantity, (column, how, unit) in SUMMARIES.items():
         if column in scores:
             yield long_table(stage, quantity, groups[column].agg(how), unit, **keys)
+
+
+def people_rows(demonstrated: pd.DataFrame) -> Iterator[pd.DataFrame]:
+    """Rows of people's behaviour and constants."""
+    preference = demonstrated.groupby("person", sort=False)["preference_m"].first()
+    yield long_table("obstacles_dataset", "preference", preference, "m")
+    near = demonstrated[demonstrated["near"]]
+    logs = np.log(near[["clearance_m", "movement_s"]]).add_prefix("log_").join(near[[WHO, *REPEATED]])
+    for quantity in ("log_clearance_m", "log_movement_s"):
+        yield from trial_sums("obstacles_dataset", quantity, logs, WHO, REPEATED)
 
 
 def fits(errors: pd.DataFrame) -> pd.DataFrame:

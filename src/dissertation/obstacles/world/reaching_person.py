@@ -4,7 +4,8 @@ A reach has minimum jerk (Flash & Hogan 1985) and is slightly lifted, as over a 
 close to an obstacle, the person picks a side and a via point there with the least additional jerk; the path
 is then deformed until the hand keeps its clearance everywhere: descent on a hinge of the obstacle's signed
 distance in the metric of squared jerk (covariant descent, Ratliff et al. 2009). Trials differ in duration,
-lift, end points, clearance, perceived place of the obstacle, side and motor noise.
+lift, end points, clearance, perceived place of the obstacle, side and motor noise; people differ in the
+constants of `AvoiderParameters.between`. Functions take one person, as drawn by `individuals.drawn`.
 """
 
 from dataclasses import replace
@@ -16,8 +17,8 @@ from pydantic import Field, model_validator
 
 import structlearn
 from dissertation.obstacles.world.scenarios import Scenario, SceneParameters, check_clear, reach_frame
+from dissertation.simulation.individuals import Individual
 from structlearn.avoidance.shapes import SHAPES, Obstacle
-from structlearn.core.params import Parameters
 from structlearn.core.signals import minimum_jerk
 from structlearn.readers.demonstration import Demonstration
 
@@ -33,8 +34,8 @@ Seconds = Annotated[float, Field(ge=0, le=10)]
 Spread = Annotated[float, Field(ge=0, le=0.1)]
 
 
-class AvoiderParameters(Parameters):
-    """The person, and the motion capture that records the hand; spreads are std over trials."""
+class AvoiderParameters(Individual):
+    """The person, and the motion capture that records the hand; spreads are std over one person's trials."""
 
     baseline_count: int = Field(ge=1, le=1000)
     count: int = Field(ge=1, le=1000)
@@ -87,7 +88,7 @@ def demonstrations(
 def captured(
     scenario: Scenario | None, scene: SceneParameters, person: AvoiderParameters
 ) -> list[Demonstration]:
-    """`demonstrations` of the recorded person, with time stamps in whole ns as from motion capture."""
+    """`demonstrations` of a recorded person, with time stamps in whole ns as from motion capture."""
     made = demonstrations(scenario, scene, person)
     return [replace(one, time=np.round(one.time * 1e9) * 1e-9) for one in made]
 

@@ -64,6 +64,11 @@ class SceneParameters(Parameters):
         """(3,) m."""
         return np.array(self.goal_m)
 
+    @property
+    def near_settings(self) -> int:
+        """Number of settings near the line of the reach; they come first."""
+        return round(self.near_share * self.settings)
+
 
 @dataclass(frozen=True)
 class Scenario:
@@ -150,7 +155,7 @@ def _positions(parameters: SceneParameters) -> tuple[np.ndarray, np.ndarray]:
     if length < 2.0 * (END_CLEARANCE_M + largest):
         raise InputError(f"no obstacle fits between start and goal of a reach of {length:g} m")
     rng = np.random.default_rng(parameters.seed)
-    near = round(parameters.near_share * parameters.settings)
+    near = parameters.near_settings
     yaws = rng.uniform(0.0, 2.0 * np.pi, parameters.settings)
     places: list[np.ndarray] = []
     while len(places) < parameters.settings:
