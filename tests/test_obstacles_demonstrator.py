@@ -144,9 +144,12 @@ def side(place, **changes):
 
 
 def test_the_shorter_detour_is_taken_unless_preferred_otherwise():
-    assert (side((0.08, 0.03), preference_m=0)[:, 0] < -0.05).all()  # obstacle to the left: pass on the right
-    assert (side((-0.08, 0.03), preference_m=0)[:, 0] > 0.05).all()
-    assert (side((0.0, 0.03), preference_m=0.05)[:, 1] > 0.1).all()  # upwards where both are as short
+    sure = {"indecision_m": 0.005}
+    # obstacle to the left: pass on the right
+    assert (side((0.08, 0.03), preference_m=0, **sure)[:, 0] < -0.05).all()
+    assert (side((-0.08, 0.03), preference_m=0, **sure)[:, 0] > 0.05).all()
+    # upwards where both are as short
+    assert (side((0.0, 0.03), preference_m=0.05, **sure)[:, 1] > 0.1).all()
     undecided = side((0.0, 0.03), preference_m=0, indecision_m=0.05)
     assert np.std(undecided[:, 0]) > 0.03
 
@@ -357,7 +360,8 @@ def test_enough_people_are_judged_on_whom_nothing_was_chosen():
 
 def test_people_keep_their_own_clearance_and_pace():
     """Each keeps away as far, and moves as fast, as was drawn for them; others do not."""
-    people = committed(AvoiderParameters, "obstacle_demonstrator", count=4, baseline_count=2)
+    alike = {"clearance_spread": 0.02, "movement_cv": 0.02}  # one person's trials
+    people = committed(AvoiderParameters, "obstacle_demonstrator", count=4, baseline_count=2, **alike)
     scenario = Scenario(1, obstacle("sphere", MIDDLE + np.array([0.0, 0.0, 0.02])))
     kept, taken, drawn_to = [], [], []
     for seed in range(8):
@@ -368,7 +372,7 @@ def test_people_keep_their_own_clearance_and_pace():
         taken.append(np.mean(times) / one.movement_s)
         drawn_to.append((one.clearance_m, one.movement_s))
     clearances, paces = np.array(drawn_to).T
-    assert clearances.max() > 1.3 * clearances.min()
-    assert paces.max() > 1.2 * paces.min()
-    np.testing.assert_allclose(kept, 1.0, atol=0.12)
-    np.testing.assert_allclose(taken, np.mean(taken), rtol=0.1)
+    assert clearances.max() > 1.25 * clearances.min()
+    assert paces.max() > 1.5 * paces.min()
+    np.testing.assert_allclose(kept, 1.0, atol=0.08)
+    np.testing.assert_allclose(taken, np.mean(taken), rtol=0.06)

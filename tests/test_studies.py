@@ -1,7 +1,9 @@
 """Studies: cells run the stages of a testbed with other seeds; tables say with which parameters and code."""
 
+import json
 import runpy
 import subprocess
+import sys
 from contextlib import chdir
 from pathlib import Path
 
@@ -12,7 +14,7 @@ import yaml
 from committed import ROOT, read_yaml
 from import_graph import packages
 
-from dissertation.evidence import study_tables
+from dissertation.evidence import study_cells, study_tables
 from dissertation.evidence.studies import (
     RESULTS,
     Check,
@@ -24,20 +26,18 @@ from dissertation.evidence.studies import (
     rests_on,
     stored_study,
 )
-from dissertation.evidence.study_tables import (
+from dissertation.evidence.study_cells import (
     CELLS,
     Description,
     changed,
-    check_study,
-    compare,
-    join_study,
-    joined,
-    made_with,
+    make_cell,
     read_descriptions,
     run_cell,
+    run_cells,
     seeds_of,
     write_cell,
 )
+from dissertation.evidence.study_tables import check_study, compare, join_study, joined, made_with
 from structlearn.core import code_digests
 from structlearn.core.artefacts import write_table
 from structlearn.core.errors import InputError
@@ -102,14 +102,14 @@ def toy(scripts, monkeypatch):
         with chdir(folder):
             runpy.run_path(script)
 
-    monkeypatch.setattr(study_tables, "run_stage", run_stage)
+    monkeypatch.setattr(study_cells, "run_stage", run_stage)
     return scripts
 
 
 def run(toy, *cells):
     """Run cells, and join them with the tables in git."""
     for cell in cells:
-        write_cell(run_cell(NAME, DESCRIPTION, cell, toy), toy / CELLS / NAME / cell, toy)
+        write_cell(*make_cell(NAME, DESCRIPTION, cell, toy), toy / CELLS / NAME / cell)
     join_study(NAME, DESCRIPTION, toy)
     return stored_study(toy / RESULTS / NAME)
 
@@ -150,7 +150,8 @@ def test_cells_are_joined_with_those_in_git(toy):
     assert each(study.results, "cost", "published") == [360, 400]
     (toy / "stages/toy/learn.py").write_text(LEARN.replace(*MORE_STEPS))
     assert each(run(toy, "10").results, "cost") == [36, 41]  # run anew by other code
-    more = {"8": (run_cell(NAME, DESCRIPTION, "8", toy), ORIGIN)}
+    own = study.made.cells["9"]
+    more = {"8": (run_cell(NAME, DESCRIPTION, "8", toy), own)}
     assert list(joined(study, more, study.made.parameters, DESCRIPTION).made.cells) == ["8", "9", "10"]
     values = yaml.safe_load((toy / "params.yaml").read_text())
     (toy / "params.yaml").write_text(yaml.safe_dump(values | {"results": {"factor": 2}}))
@@ -159,6 +160,11 @@ def test_cells_are_joined_with_those_in_git(toy):
         check_study(NAME, DESCRIPTION, toy)
     alone = joined(study, more, made_with(NAME, DESCRIPTION, toy), DESCRIPTION)
     assert list(alone.made.cells) == ["8"]  # the others say nothing with these parameters
+    later = {"8": (more["8"][0], LATER)}
+    alone = joined(study, later, study.made.parameters, DESCRIPTION)
+    assert list(alone.made.cells) == ["8"]  # nor those of other code
+    with pytest.raises(InputError, match=r"different code: 8 by e4f5a6b; 7 by .*; run the older ones again"):
+        joined(study, later | {"7": more["8"]}, study.made.parameters, DESCRIPTION)
     (toy / CELLS / NAME / "9/cell.json").write_text("{}")
     with pytest.raises(InputError, match=r"cell\.json: cell\.commit: Field required"):
         join_study(NAME, DESCRIPTION, toy)
@@ -189,7 +195,7 @@ def test_a_cell_that_was_run_again_is_held_against_the_table(toy):
     assert check_study(NAME, DESCRIPTION, toy) == ["toy/people: cost"]
 
 
-ORIGIN, LATER = (Origin(commit=commit, processor="here") for commit in ("a1b2c3d", "e4f5a6b"))
+ORIGIN, LATER = (Origin(commit=commit, processor="here", minutes=2.0) for commit in ("a1b2c3d", "e4f5a6b"))
 CHECK = Check(cell="3", commit="0a1b2c3", compared=70, different=[])
 
 
@@ -235,7 +241,73 @@ def test_the_commit_of_sources_says_whether_they_are_as_committed(tmp_path, monk
     assert source_commit(["src"], tmp_path) == UNKNOWN_COMMIT
 
 
-DESCRIPTIONS = read_descriptions(ROOT / study_tables.DESCRIPTIONS)
+@pytest.fixture
+def planned(scripts, monkeypatch):
+    """The project of two stages in git, with a study of three cells, the last of which fails."""
+    folder = scripts / "stages/studies"
+    (folder / ".dvc").mkdir(parents=True)
+    (folder / ".dvc/config").write_text("[core]\n    analytics = false\n    no_scm = true\n")
+    cmd = f"cd ../.. && {sys.executable} stages/studies/cell.py toy/people ${{item}}"
+    outs = [{f"../../{CELLS}/{NAME}/${{item}}": {"cache": False}}]
+    cells = {"foreach": [9, 10, 66], "do": {"cmd": cmd, "deps": ["../toy"], "outs": outs}}
+    (folder / "dvc.yaml").write_text(yaml.safe_dump({"stages": {"toy_people": cells}}))
+    (scripts / ".gitignore").write_text("data/\ndvc.lock\n.structlearn.yaml\ntmp/\n__pycache__/\nreports/\n")
+    git(scripts, "init")
+    commit(scripts, "a study")
+    monkeypatch.chdir(scripts)
+    monkeypatch.setattr(study_cells, "write_code", lambda *_: None)
+    return scripts
+
+
+def git(folder, *arguments):
+    who = ("-c", "user.name=a", "-c", "user.email=a@b")
+    subprocess.run(["git", "-C", folder, *who, *arguments], check=True, capture_output=True)
+
+
+def commit(folder, message):
+    git(folder, "add", ".")
+    git(folder, "commit", "-m", message)
+
+
+def test_all_cells_run_but_those_that_are_up_to_date_and_the_plan_says_how_long(planned, capsys):
+    with pytest.raises(InputError, match=r"cell 66: stages/toy/learn\.py: no such person"):
+        run_cells({NAME: DESCRIPTION}, [NAME], planned)
+    said = capsys.readouterr().out
+    assert "toy/people: 3 cells, never run before\n3 cells to run, 1 at once\n" in said
+    assert said.count("minutes\n") == 2  # the cells that did not fail
+    made = json.loads((planned / CELLS / NAME / "9/cell.json").read_text())
+    assert made["commit"] == source_commit(root=planned)
+    assert "toy_people@9:" in (planned / "stages/studies/dvc.lock").read_text()
+    join_study(NAME, DESCRIPTION, planned)
+    with pytest.raises(InputError, match="cell 66"):
+        run_cells({NAME: DESCRIPTION}, [NAME], planned)
+    again = capsys.readouterr().out
+    assert "toy/people: 1 cell, about 0 minutes each\n1 cell to run, 1 at once, about 0.0 h\n" in again
+
+    (planned / "stages/toy/learn.py").write_text(LEARN.replace(*MORE_STEPS))
+    with pytest.raises(InputError, match=r"cell 9: the sources differ from commit \w+: commit them first"):
+        run_cells({NAME: DESCRIPTION}, [NAME], planned)
+    commit(planned, "more steps")
+    with pytest.raises(InputError, match="cell 66"):
+        run_cells({NAME: DESCRIPTION}, [NAME], planned)
+    join_study(NAME, DESCRIPTION, planned)
+    assert each(stored_study(planned / RESULTS / NAME).results, "cost") == [37, 41]
+
+
+def test_a_worker_with_other_code_adds_no_cell(planned, monkeypatch):
+    make = study_cells.make_cell
+
+    def elsewhere(name, description, cell, root):
+        results, origin = make(name, description, cell, root)
+        return results, origin.model_copy(update={"commit": "0a1b2c3"})
+
+    monkeypatch.setattr(study_cells, "make_cell", elsewhere)
+    with pytest.raises(InputError, match="cell 9: made by a worker at commit 0a1b2c3, not "):
+        run_cells({NAME: DESCRIPTION}, [NAME], planned)
+    assert not (planned / CELLS / NAME / "9").exists()
+
+
+DESCRIPTIONS = read_descriptions(ROOT / study_cells.DESCRIPTIONS)
 POPULATIONS = {"obstacles": "obstacle_people", "dynamics": "dynamics_robots", "servoing": "servo_people"}
 
 
@@ -251,7 +323,7 @@ def test_every_study_names_what_is_there_and_nobody_on_whom_constants_were_chose
     params = {file: set(keys) for one in planned["do"]["params"] for file, keys in one.items()}
     assert params["../../params.yaml"] == upstream
     scripts = [root / f"stages/{testbed}/{stage}.py" for stage in description.stages]
-    houses = (code_digests.LIBRARY, study_tables.REPRODUCTION)
+    houses = (code_digests.LIBRARY, study_cells.REPRODUCTION)
     assert params[".structlearn.yaml"] == {
         code_digests.code_key(package, house)
         for package in packages(root / "stages/studies/cell.py", *scripts)
