@@ -1,17 +1,21 @@
 """Studies: cells run the stages of a testbed with other seeds; tables say with which parameters and code."""
 
 import json
+import os
 import runpy
+import socket
 import subprocess
 import sys
-from contextlib import chdir
+from contextlib import ExitStack, chdir
 from pathlib import Path
 
+import dask
 import numpy as np
 import pandas as pd
 import pytest
 import yaml
 from committed import ROOT, read_yaml
+from distributed import Client
 from import_graph import packages
 
 from dissertation.evidence import study_cells, study_tables
@@ -38,7 +42,7 @@ from dissertation.evidence.study_cells import (
     write_cell,
 )
 from dissertation.evidence.study_tables import check_study, compare, join_study, joined, made_with
-from structlearn.core import code_digests
+from structlearn.core import code_digests, parallel
 from structlearn.core.artefacts import write_table
 from structlearn.core.errors import InputError
 from structlearn.reporting.document import UNKNOWN_COMMIT, source_commit
@@ -60,6 +64,12 @@ count.write_text(str(int(count.read_text() if count.exists() else 0) + 1))
 if learn['seed'] == 66:
     raise SystemExit('no such person')
 Path('data/learnt.txt').write_text(str(learn['seed'] * learn['steps']))
+"""
+KILL = """    killed = Path('{folder}/killed')
+    if not killed.exists():
+        killed.touch()
+        import os
+        os.kill(os.getppid(), 9)
 """
 REDUCE = """
 import pandas as pd
@@ -292,6 +302,47 @@ def test_all_cells_run_but_those_that_are_up_to_date_and_the_plan_says_how_long(
         run_cells({NAME: DESCRIPTION}, [NAME], planned)
     join_study(NAME, DESCRIPTION, planned)
     assert each(stored_study(planned / RESULTS / NAME).results, "cost") == [37, 41]
+
+
+@pytest.fixture
+def two_workers(planned):
+    """A scheduler and two Dask workers, started in the project's folder."""
+    with socket.socket() as one:
+        one.bind(("127.0.0.1", 0))
+        address = f"tcp://127.0.0.1:{one.getsockname()[1]}"
+    scheduler = ["scheduler", "--host", "127.0.0.1", "--port", address.rpartition(":")[2], "--no-dashboard"]
+    worker = ["worker", address, "--no-nanny", "--no-dashboard", "--nthreads", "1"]
+    path = os.pathsep.join(str(ROOT / part) for part in ("src", "tests"))
+    with ExitStack() as ends:
+        for name, *its in (scheduler, worker, worker):
+            command = [sys.executable, "-m", f"distributed.cli.dask_{name}", *its]
+            process = subprocess.Popen(
+                command, cwd=planned, env=os.environ | {"PYTHONPATH": path}, stderr=subprocess.DEVNULL
+            )
+            ends.callback(process.wait)
+            ends.callback(process.kill)
+        yield address
+
+
+def test_a_cell_runs_again_when_its_worker_is_killed(planned, two_workers, monkeypatch, capsys):
+    """Two workers; the first that runs person 66 is killed, and the other does the rest."""
+    deadly = LEARN.replace("    raise SystemExit('no such person')\n", KILL.format(folder=planned))
+    (planned / "stages/toy/learn.py").write_text(deadly)
+    commit(planned, "a person who ends the first worker")
+    monkeypatch.setenv(parallel.BACKEND, "dask")
+    monkeypatch.setattr(parallel, "WORKERS_S", 30.0)
+    with dask.config.set({"scheduler-address": two_workers}):
+        try:
+            Client(two_workers).wait_for_workers(2)
+            run_cells({NAME: DESCRIPTION}, [NAME], planned)
+        finally:
+            Client.current().close()
+    said = capsys.readouterr().out
+    assert "3 cells to run, 2 at once" in said
+    assert (planned / "killed").exists()
+    assert sorted(path.name for path in (planned / CELLS / NAME).iterdir()) == ["10", "66", "9"]
+    join_study(NAME, DESCRIPTION, planned)
+    assert each(stored_study(planned / RESULTS / NAME).results, "cost") == [36, 40, 264]
 
 
 def test_a_worker_with_other_code_adds_no_cell(planned, monkeypatch):
