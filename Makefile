@@ -51,11 +51,11 @@ recorded: $(INSTALLED)  ## run the pipeline on recorded data: make recorded DATA
 	export RECORDED_DATA="$(abspath $(DATA))" $(IN_ENVIRONMENT) && python -m dissertation.recorded.sets_project && cd $(RECORDED) && \
 	  set -o pipefail && python -c "from structlearn.tasks.task_entry import read_entries, targets; [print(*targets(name)) for name in read_entries()]" | \
 	  xargs --max-procs=2 --max-lines=1 dvc --wait-for-lock repro --keep-going --single-item
-	cd $(RECORDED) && $(IN_ENVIRONMENT) dvc repro --single-item recorded_report
+	cd $(RECORDED) && $(IN_ENVIRONMENT) dvc repro --single-item recorded_people recorded_report
 	mkdir -p $(QUOTED) reports/tasks
 	cp -r $(RECORDED)/reports/recorded reports
 	cd $(RECORDED)/reports/tasks && tar -c --exclude=rerun . | tar -x -C $(CURDIR)/reports/tasks
-	cd reports/recorded && cp tables/claims.csv metrics.json findings.csv $(CURDIR)/$(QUOTED)
+	cd reports/recorded && cp tables/claims.csv tables/people.csv metrics.json findings.csv $(CURDIR)/$(QUOTED)
 	$(IN_ENVIRONMENT) dvc repro --single-item report
 	@$(call TABLE_OF_README,findings,reports/findings.md)
 	@$(BIN)/python -m structlearn.core.stage

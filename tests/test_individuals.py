@@ -90,3 +90,15 @@ def test_one_person_has_no_share():
     trials = pd.DataFrame({"person": [1, 1, 1], "pace": [1.0, 2.0, 4.0]})
     table = joined_results(trial_sums("made_up", "pace", trials, "person"), {"person": int})
     assert np.isnan(between_share(sums_of(Results(table, "person"), "pace")).value)
+
+
+def test_the_share_is_unbiased_with_different_numbers_of_trials():
+    rng = np.random.default_rng(5)
+    person = np.repeat(np.arange(12), rng.integers(2, 30, 12))
+    ratios = []
+    for _ in range(300):
+        pace = 0.5 * rng.standard_normal(12)[person] + rng.standard_normal(len(person))
+        rows = trial_sums("made_up", "pace", pd.DataFrame({"person": person, "pace": pace}), "person")
+        share = between_share(sums_of(Results(joined_results(rows, {"person": int}), "person"), "pace"))
+        ratios.append(share.value / (1.0 - share.value))  # of the variances; cut off at 0
+    assert np.mean(ratios) == pytest.approx(0.25, abs=0.02)

@@ -5,9 +5,10 @@ m_p, the variance s^2 of trials within a group, and n trials of a person,
 
     share = (MSB - s^2) / (MSB + (n - 1) s^2),   MSB = n var(m_p)
 
-(one-way analysis of variance; what all people do alike in a group is left out). Its interval is that of the F
-distribution of MSB / s^2, exact for normal trials and equally many of each person (Searle 1971). A share of 0
-says that a study of many people repeats one person.
+(one-way analysis of variance; what all people do alike in a group is left out). Its interval is that of the
+F distribution of MSB / s^2, exact for normal trials and equally many of each person (Searle 1971). Otherwise
+n is the harmonic mean of their numbers of trials, which keeps the estimate unbiased, and the interval nearly
+exact (Thomas & Hultquist 1978). A share of 0 says that a study of many people repeats one person.
 """
 
 from collections.abc import Iterator, Sequence
@@ -47,9 +48,8 @@ def sums_of(results: Results, quantity: str) -> pd.DataFrame:
 
 def between_share(sums: pd.DataFrame, comparisons: int = 1) -> Evidence:
     """Share between people, 0 to 1, from their `sums_of`; fewer than two people have none."""
-    people, trials = len(sums), sums["trials"].sum()
-    freedom = sums["freedom"].sum()
-    usual = (trials - (sums["trials"] ** 2).sum() / trials) / (people - 1) if people > 1 else np.nan
+    people, freedom = len(sums), sums["freedom"].sum()
+    usual = people / (1.0 / sums["trials"]).sum() if people > 1 else np.nan
     inside = np.average(sums["within"], weights=sums["freedom"])
     ratio = usual * sums["mean"].var() / inside
 
