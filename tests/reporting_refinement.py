@@ -13,6 +13,7 @@ from reporting_feedback import ADAPTED, SEEN, execution, feedback_stages
 from reporting_scraping import FIT, PARAMETERS, cut_stages, demonstration, grid
 
 from dissertation.evidence.studies import OURS, Study
+from dissertation.scraping import names
 from dissertation.scraping.page.findings import PUBLISHED
 from dissertation.scraping.page.stored import Stored
 from dissertation.scraping.protocol import results
@@ -82,8 +83,8 @@ def scores(
     """Executions whose costs differ between runs by more than between models, so that pairs matter."""
     rng = np.random.default_rng(6)
     shared = rng.normal(size=(len(settings), runs, 1))  # of the conditions
-    names = [f"{run + 1:02d}" for run in range(runs)]
-    table = grid(model=(NOMINAL, BEFORE, AFTER), setting_deg=settings, run=names, primitive=ADAPTED)
+    numbered = [f"{run + 1:02d}" for run in range(runs)]
+    table = grid(model=(NOMINAL, BEFORE, AFTER), setting_deg=settings, run=numbered, primitive=ADAPTED)
     mean = [
         costs[model][setting] for model, setting in zip(table["model"], table["setting_deg"], strict=True)
     ]
@@ -138,9 +139,9 @@ def every_stage() -> Stored:
 
 def stored(**changes: object) -> Stored:
     """The same with other tables, or other fields."""
-    names = {one.name for one in fields(Stored)}
-    tables = {name: table for name, table in changes.items() if name not in names}
-    own = {name: part for name, part in changes.items() if name in names}
+    parts = {one.name for one in fields(Stored)}
+    tables = {name: table for name, table in changes.items() if name not in parts}
+    own = {name: part for name, part in changes.items() if name in parts}
     return replace(every_stage(), tables=every_stage().tables | tables, **own)
 
 
@@ -152,6 +153,13 @@ def results_of(its: Stored, *pages: str) -> pd.DataFrame:
     parameters, tables = its.parameters, its.tables
     parts = {
         "segmentation": lambda: [
+            results.of_person(
+                PERSON,
+                its.demonstrations,
+                its.segmentation,
+                {its.tilt_deg: its.tilted[names.CORRECTED]},
+                its.unrolls,
+            ),
             results.of_cuts(its.demonstrations, its.segmentation, parameters["segment"].primitives),
             results.of_primitives(tables, parameters["fit_primitives"].regression),
         ],

@@ -115,7 +115,7 @@ def test_motion_capture_has_its_own_noise(skill):
 def test_a_guided_demonstration_is_recorded_like_an_execution():
     quick = {"durations_s": (0.6, 0.6, 0.6), "rest_s": (0.2, 0.2), "pause_s": (0.1, 0.1)}
     demonstrator = committed(DemonstratorParameters, "simulate", count=2, seed=3, **quick)
-    both = testbed.guided_demonstrations(demonstrator, TESTBED)
+    both = testbed.guided_demonstrations(demonstrator, TESTBED.guidance, TESTBED)
     assert [recording.name for recording in both] == ["01", "02"]
     for recording in both:
         check_recording(recording)
@@ -124,5 +124,6 @@ def test_a_guided_demonstration_is_recorded_like_an_execution():
         np.testing.assert_array_equal(recording.true_segments[1:, 0], recording.true_segments[:-1, 1])
         assert recording.true_segments[-1, 1] < synchronise(recording).time[-1]
     assert not np.array_equal(both[0].true_segments, both[1].true_segments)
-    (first,) = testbed.guided_demonstrations(demonstrator.model_copy(update={"count": 1}), TESTBED)
+    alone = demonstrator.model_copy(update={"count": 1})
+    (first,) = testbed.guided_demonstrations(alone, TESTBED.guidance, TESTBED)
     assert same(first, both[0])
