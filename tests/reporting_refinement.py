@@ -13,7 +13,6 @@ from reporting_feedback import ADAPTED, SEEN, execution, feedback_stages
 from reporting_scraping import FIT, PARAMETERS, cut_stages, demonstration, grid
 
 from dissertation.evidence.studies import OURS, Study
-from dissertation.scraping import names
 from dissertation.scraping.page.findings import PUBLISHED
 from dissertation.scraping.page.stored import Stored
 from dissertation.scraping.protocol import results
@@ -23,6 +22,7 @@ from dissertation.scraping.protocol.sample_efficiency import CMA_ES, PI2
 from dissertation.scraping.world.layout import CONTACT_M
 from structlearn.feedback.coupling_targets import SupervisionParameters
 from structlearn.policy_search.refinement import FEEDBACK, IMPROVED, SAMPLE
+from structlearn.readers.demonstration import Demonstration
 
 LISTED = runpy.run_path(str(ROOT / "stages/scraping/report.py"))["PARAMETERS"]
 REFINED_DEG = 10.0
@@ -83,8 +83,8 @@ def scores(
     """Executions whose costs differ between runs by more than between models, so that pairs matter."""
     rng = np.random.default_rng(6)
     shared = rng.normal(size=(len(settings), runs, 1))  # of the conditions
-    numbered = [f"{run + 1:02d}" for run in range(runs)]
-    table = grid(model=(NOMINAL, BEFORE, AFTER), setting_deg=settings, run=numbered, primitive=ADAPTED)
+    names = [f"{run + 1:02d}" for run in range(runs)]
+    table = grid(model=(NOMINAL, BEFORE, AFTER), setting_deg=settings, run=names, primitive=ADAPTED)
     mean = [
         costs[model][setting] for model, setting in zip(table["model"], table["setting_deg"], strict=True)
     ]
@@ -115,6 +115,17 @@ def examples() -> dict[str, list]:
     return made
 
 
+def corrections() -> dict[float, list[Demonstration]]:
+    """Corrections at 10 degrees; the n-th is n tenths of a second later and leaves n tenths of a degree."""
+    runs = [execution(n, REFINED_DEG, corrected=REFINED_DEG - 0.1 * n) for n in range(1, RUNS + 1)]
+    return {
+        REFINED_DEG: [
+            replace(run, orientation=np.roll(run.orientation, round(0.1 * n / run.dt), axis=0))
+            for n, run in enumerate(runs, 1)
+        ]
+    }
+
+
 def refinement_stages() -> tuple[dict[str, object], dict[str, pd.DataFrame]]:
     """What the refinement's stages would have written, if everything is as the dissertation says."""
     searched = search({PI2: 45.0, CMA_ES: 55.0})
@@ -139,9 +150,9 @@ def every_stage() -> Stored:
 
 def stored(**changes: object) -> Stored:
     """The same with other tables, or other fields."""
-    parts = {one.name for one in fields(Stored)}
-    tables = {name: table for name, table in changes.items() if name not in parts}
-    own = {name: part for name, part in changes.items() if name in parts}
+    names = {one.name for one in fields(Stored)}
+    tables = {name: table for name, table in changes.items() if name not in names}
+    own = {name: part for name, part in changes.items() if name in names}
     return replace(every_stage(), tables=every_stage().tables | tables, **own)
 
 
@@ -153,13 +164,7 @@ def results_of(its: Stored, *pages: str) -> pd.DataFrame:
     parameters, tables = its.parameters, its.tables
     parts = {
         "segmentation": lambda: [
-            results.of_person(
-                PERSON,
-                its.demonstrations,
-                its.segmentation,
-                {its.tilt_deg: its.tilted[names.CORRECTED]},
-                its.unrolls,
-            ),
+            results.of_person(PERSON, its.demonstrations, its.segmentation, corrections(), its.unrolls),
             results.of_cuts(its.demonstrations, its.segmentation, parameters["segment"].primitives),
             results.of_primitives(tables, parameters["fit_primitives"].regression),
         ],

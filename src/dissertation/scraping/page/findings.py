@@ -88,7 +88,7 @@ def people_cut_error_ms(results: Results) -> pd.Series:
 BEHAVIOURS = {
     "movement time": "log_movement_s",
     "cut error": "demonstration_cut_error",
-    "time to half of the correction": "half_correction",
+    "half time": "half_correction",
     "roll error": "roll_error",
 }
 """Quantities of single trials, by the name of their case."""
