@@ -76,7 +76,8 @@ def work(count: int) -> list[Recording]:
     """So many demonstrations, each a simulated movement of the arm by a person."""
     demonstrator = read_parameters(PARAMETER_FILE, "simulate", DemonstratorParameters)
     testbed = read_parameters(PARAMETER_FILE, "testbed", TestbedParameters)
-    return guided_demonstrations(demonstrator.model_copy(update={"count": count}), testbed)
+    person = demonstrator.model_copy(update={"count": count})
+    return guided_demonstrations(person, testbed.guidance, testbed)
 
 
 @contextmanager

@@ -14,7 +14,7 @@ from dissertation.scraping.protocol.executions import execute_run, runs_to_corre
 from dissertation.scraping.world import scraping_robot
 from dissertation.scraping.world.execution import Advance
 from dissertation.scraping.world.scraping_world import World, load
-from dissertation.scraping.world.testbed import TestbedParameters
+from dissertation.scraping.world.testbed import TestbedParameters, drawn_testbed
 from dissertation.simulation.arm import ArmParameters
 from dissertation.simulation.bullet_arm import BulletArm, differences
 from dissertation.simulation.compiled_chain import kinematics
@@ -41,7 +41,7 @@ def main() -> None:
 def corrected_execution() -> pd.DataFrame:
     """Compare the engines on one execution corrected by a person on the steepest board."""
     settings = stage_parameters("record_corrections", ExecutionParameters).settings_deg
-    testbed = stage_parameters("testbed", TestbedParameters)
+    testbed = drawn_testbed(stage_parameters("testbed", TestbedParameters))
     skill = ReactiveSkill(read_primitives("data/primitives/scraping/primitives.safetensors"))
     (one,) = runs_to_correct([max(settings)], 1)
     runs = [_felt(execute_run(one, 0, skill, testbed, engine)) for engine in (None, in_pybullet)]

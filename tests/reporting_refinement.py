@@ -22,6 +22,7 @@ from dissertation.scraping.protocol.sample_efficiency import CMA_ES, PI2
 from dissertation.scraping.world.layout import CONTACT_M
 from structlearn.feedback.coupling_targets import SupervisionParameters
 from structlearn.policy_search.refinement import FEEDBACK, IMPROVED, SAMPLE
+from structlearn.readers.demonstration import Demonstration
 
 LISTED = runpy.run_path(str(ROOT / "stages/scraping/report.py"))["PARAMETERS"]
 REFINED_DEG = 10.0
@@ -114,6 +115,17 @@ def examples() -> dict[str, list]:
     return made
 
 
+def corrections() -> dict[float, list[Demonstration]]:
+    """Corrections at 10 degrees; the n-th is n tenths of a second later and leaves n tenths of a degree."""
+    runs = [execution(n, REFINED_DEG, corrected=REFINED_DEG - 0.1 * n) for n in range(1, RUNS + 1)]
+    return {
+        REFINED_DEG: [
+            replace(run, orientation=np.roll(run.orientation, round(0.1 * n / run.dt), axis=0))
+            for n, run in enumerate(runs, 1)
+        ]
+    }
+
+
 def refinement_stages() -> tuple[dict[str, object], dict[str, pd.DataFrame]]:
     """What the refinement's stages would have written, if everything is as the dissertation says."""
     searched = search({PI2: 45.0, CMA_ES: 55.0})
@@ -152,6 +164,7 @@ def results_of(its: Stored, *pages: str) -> pd.DataFrame:
     parameters, tables = its.parameters, its.tables
     parts = {
         "segmentation": lambda: [
+            results.of_person(PERSON, its.demonstrations, its.segmentation, corrections(), its.unrolls),
             results.of_cuts(its.demonstrations, its.segmentation, parameters["segment"].primitives),
             results.of_primitives(tables, parameters["fit_primitives"].regression),
         ],

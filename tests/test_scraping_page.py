@@ -12,6 +12,7 @@ from reporting_refinement import (
     COSTS,
     LISTED,
     SWEPT,
+    corrections,
     examples,
     history,
     people,
@@ -39,7 +40,7 @@ from dissertation.scraping.page.board_figures import snapshots, turned
 from dissertation.scraping.page.findings import STUDY, findings
 from dissertation.scraping.page.stored import Stored
 from dissertation.scraping.page.tables import curve, derived, hand_readings, refinement_tables, tables
-from dissertation.scraping.protocol.execution_scores import AFTER, BEFORE, NOMINAL
+from dissertation.scraping.protocol.execution_scores import AFTER, BEFORE, NOMINAL, correction_scores
 from dissertation.scraping.protocol.sample_efficiency import CMA_ES, PI2
 from dissertation.scraping.world.layout import EDGE_M, EDGE_WIDTH_M
 from structlearn.core.params import read_values
@@ -234,6 +235,22 @@ def test_people_are_judged_where_they_were_studied():
     )
 
 
+def test_pages_say_what_differs_between_people_and_how_much_of_what_they_do(settings):
+    shown = {"index": [settings["simulate"], settings["testbed"].guidance]}
+    shown["feedback"] = [settings["testbed"].corrector, settings["testbed"].touch]
+    alone, report = Made(stored()), Made(stored(), people(results_of(stored()), spread=0.2))
+    assert all(
+        one.n == 5 and one.low <= one.value <= one.high for one in report.find["between_people"].values()
+    )
+    for page, words in (("index", "of that of the cut error"), ("feedback", "of its roll error")):
+        text, of_one = (render(made.pages[page], AnyFigure()) for made in (report, alone))
+        for name, spread in (one for its in shown[page] for one in its.between.items()):
+            assert f"<td>{name}</td>" in text
+            assert spread.source.replace("'", "&#39;") in text
+        assert words in text
+        assert words not in of_one
+
+
 def test_the_page_names_the_network_that_was_trained(settings):
     trained = settings["train_feedback"].model_copy(update={"network": "ridge", "hidden": ()})
     its = stored(parameters=stored().parameters | {"train_feedback": trained})
@@ -249,6 +266,15 @@ def test_the_dissertation_s_claims_are_decided_by_its_own_form():
     assert set(words["lower_ours"].values()) == {YES}
     for claim in read_claims(Path(module.__file__).with_name(CLAIMS)):
         assert claim.by == "ours" or claim.evidence.endswith("_published")
+
+
+def test_corrections_are_timed_and_scored_by_what_is_left():
+    """The hand turns in 1.5 s of minimum jerk, from the start of the turn on."""
+    its = stored()
+    found = correction_scores(corrections(), its.unrolls, its.names, "turn")
+    numbers = np.arange(1, len(found) + 1)
+    np.testing.assert_allclose(found["half_s"], 0.75 + 0.1 * numbers, atol=1.1 * its.unrolls[0].dt)
+    np.testing.assert_allclose(found["roll_error_deg"], 0.1 * numbers, atol=1e-6)
 
 
 def test_results_are_the_means_given():

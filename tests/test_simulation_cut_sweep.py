@@ -55,6 +55,16 @@ def test_every_person_is_cut_at_every_factor():
     assert "factor" in lost
 
 
+def test_people_of_the_sweep_differ_but_share_the_noise_of_a_level():
+    def swept(*between):
+        chosen = {name: SIMULATION.between[name] for name in between}
+        return noise_sweep(ONE_SET, SIMULATION.model_copy(update={"between": chosen}), SEGMENT)
+
+    alike = swept()
+    assert swept("noise_mm").equals(alike)
+    assert not swept("durations_s").equals(alike)
+
+
 def test_another_task_is_refused():
     other = SEGMENT.model_copy(update={"primitives": SEGMENT.primitives[:1]})
     with pytest.raises(InputError, match=r"segment\.primitives: names 1, the simulated task has 3"):

@@ -9,6 +9,7 @@ from dissertation.scraping.world.demonstrator import (
     intended_movements,
 )
 from dissertation.simulation.hand_noise import hand_noise
+from dissertation.simulation.individuals import drawn
 from structlearn.core import quaternion
 
 
@@ -57,6 +58,17 @@ def test_durations_vary_between_trials_around_their_medians():
     assert (visible > 0.85).all()  # a minimum-jerk movement shows 88 % of its duration above 5 % of its peak
     assert (visible < 1.1).all()
     np.testing.assert_allclose(durations[:, 0].std() / durations[:, 0].mean(), 0.12, rtol=0.2)
+
+
+def test_people_differ_in_pace_by_the_spread_of_their_durations():
+    population = committed(DemonstratorParameters, "simulate", count=8, hesitation_probability=0)
+    alike = [population.model_copy(update={"seed": seed}) for seed in range(60)]
+    spreads = []
+    for people in (alike, [drawn(population, one.seed) for one in alike]):
+        descents = [[one.segments[0] for one in intended_movements(person, 50.0)] for person in people]
+        spreads.append(np.log(np.diff(descents)[..., 0]).mean(axis=1).std())
+    assert spreads[0] < 0.07  # submovements, and the mean over eight trials
+    assert np.sqrt(spreads[1] ** 2 - spreads[0] ** 2) == pytest.approx(0.2, rel=0.25)
 
 
 def test_time_is_warped_non_linearly(noise_free):

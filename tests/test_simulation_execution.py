@@ -245,7 +245,7 @@ def test_a_submovement_has_a_minimum_jerk_profile_of_the_gain():
     error = np.radians(5.0)
     seen = np.where(np.arange(900) * DT <= PLAIN.reaction_s, error, 0.0)
     once = PLAIN.model_copy(update={"refractory_s": 3.0})
-    undamped = torques(seen, once.model_copy(update={"damping_n_m_s_rad": 0.0}))
+    undamped = torques(seen, once.model_copy(update={"damping_s": 0.0}))
     onset = round(PLAIN.reaction_s / DT) * DT
     wanted = PLAIN.gain * error * minimum_jerk((np.arange(900) * DT - onset) / PLAIN.movement_s)
     np.testing.assert_allclose(undamped, PLAIN.stiffness_n_m_rad * wanted, atol=1e-9)

@@ -112,10 +112,27 @@ def test_motion_capture_has_its_own_noise(skill):
     np.testing.assert_allclose(np.linalg.norm(seen[0], axis=1), 1.0)
 
 
+def test_a_person_and_fingers_have_constants_of_their_own_seeds():
+    one, other, fingers = (
+        testbed.drawn_testbed(TESTBED.model_copy(update=seeds))
+        for seeds in ({}, {"seed": 5}, {"sensor_seed": 5})
+    )
+    for part, same_as_one, differs in (("corrector", fingers, other), ("touch", other, fingers)):
+        mine, population = getattr(one, part), getattr(TESTBED, part)
+        assert getattr(same_as_one, part) == mine
+        for name in population.between:
+            assert len({getattr(its, name) for its in (mine, population, getattr(differs, part))}) == 3
+        constants = set(type(mine).model_fields) - {*population.between, "between"}
+        assert all(getattr(mine, name) == getattr(population, name) for name in constants)
+    its = one.corrector
+    assert its.damping_n_m_s_rad == TESTBED.corrector.damping_s * its.stiffness_n_m_rad
+    assert testbed.drawn_testbed(one) == one
+
+
 def test_a_guided_demonstration_is_recorded_like_an_execution():
     quick = {"durations_s": (0.6, 0.6, 0.6), "rest_s": (0.2, 0.2), "pause_s": (0.1, 0.1)}
     demonstrator = committed(DemonstratorParameters, "simulate", count=2, seed=3, **quick)
-    both = testbed.guided_demonstrations(demonstrator, TESTBED)
+    both = testbed.guided_demonstrations(demonstrator, TESTBED.guidance, TESTBED)
     assert [recording.name for recording in both] == ["01", "02"]
     for recording in both:
         check_recording(recording)
@@ -124,5 +141,6 @@ def test_a_guided_demonstration_is_recorded_like_an_execution():
         np.testing.assert_array_equal(recording.true_segments[1:, 0], recording.true_segments[:-1, 1])
         assert recording.true_segments[-1, 1] < synchronise(recording).time[-1]
     assert not np.array_equal(both[0].true_segments, both[1].true_segments)
-    (first,) = testbed.guided_demonstrations(demonstrator.model_copy(update={"count": 1}), TESTBED)
+    alone = demonstrator.model_copy(update={"count": 1})
+    (first,) = testbed.guided_demonstrations(alone, TESTBED.guidance, TESTBED)
     assert same(first, both[0])

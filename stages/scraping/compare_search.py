@@ -10,7 +10,7 @@ from dissertation.scraping.protocol.board_refinement import (
 )
 from dissertation.scraping.protocol.execution_scores import AFTER, BEFORE
 from dissertation.scraping.protocol.sample_efficiency import ComparisonParameters, compare_searches
-from dissertation.scraping.world.testbed import TestbedParameters
+from dissertation.scraping.world.testbed import TestbedParameters, drawn_testbed
 from structlearn.core.artefacts import publish, write_table
 from structlearn.core.stage import run, stage_parameters
 from structlearn.feedback.coupling_model import CouplingModel, read_networks
@@ -27,7 +27,7 @@ def main() -> None:
     parameters = stage_parameters("compare_search", ComparisonParameters)
     refined = stage_parameters("refine", BoardRefinementParameters)
     supervision = stage_parameters("coupling_dataset", SupervisionParameters)
-    testbed = stage_parameters("testbed", TestbedParameters)
+    testbed = drawn_testbed(stage_parameters("testbed", TestbedParameters))
     clock = stage_parameters("clock", ClockParameters)
     with publish(f"{DATA}/search") as folder:
         folder.mkdir()

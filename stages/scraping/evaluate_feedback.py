@@ -6,7 +6,7 @@ from dissertation.scraping.protocol.execution_scores import (
 )
 from dissertation.scraping.protocol.executions import evaluate, read_bench
 from dissertation.scraping.protocol.feedback_models import MODELS
-from dissertation.scraping.world.testbed import TestbedParameters
+from dissertation.scraping.world.testbed import TestbedParameters, drawn_testbed
 from structlearn.core.artefacts import publish, write_table
 from structlearn.core.stage import run, stage_parameters
 from structlearn.feedback.corrected_paths import path_errors
@@ -20,7 +20,7 @@ DATA = "data/feedback/scraping"
 def main() -> None:
     parameters = stage_parameters("evaluate_feedback", ExecutionParameters)
     supervision = stage_parameters("coupling_dataset", SupervisionParameters)
-    testbed = stage_parameters("testbed", TestbedParameters)
+    testbed = drawn_testbed(stage_parameters("testbed", TestbedParameters))
     clock = stage_parameters("clock", ClockParameters)
     models = {model: read_networks(f"{DATA}/models/{model}.safetensors") for model in MODELS}
     bench, datasets = read_bench("data", None, supervision, testbed, clock)

@@ -8,7 +8,7 @@ from dissertation.scraping.protocol.execution_scores import (
     ExecutionParameters,
 )
 from dissertation.scraping.protocol.executions import evaluate
-from dissertation.scraping.world.testbed import TestbedParameters
+from dissertation.scraping.world.testbed import TestbedParameters, drawn_testbed
 from structlearn.core.artefacts import publish, write_table
 from structlearn.core.stage import run, stage_parameters
 from structlearn.feedback.coupling_model import read_networks
@@ -22,7 +22,7 @@ def main() -> None:
     parameters = stage_parameters("evaluate_refinement", ExecutionParameters)
     refinement = stage_parameters("refine", BoardRefinementParameters)
     supervision = stage_parameters("coupling_dataset", SupervisionParameters)
-    testbed = stage_parameters("testbed", TestbedParameters)
+    testbed = drawn_testbed(stage_parameters("testbed", TestbedParameters))
     clock = stage_parameters("clock", ClockParameters)
     board, _ = read_board("data", refinement, supervision, testbed, clock)
     models = {NOMINAL: {}}

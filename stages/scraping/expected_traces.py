@@ -1,7 +1,7 @@
 """Execute the nominal primitives on the level board and learn expected sensor traces (IV.9.1.3, ii)."""
 
 from dissertation.scraping.protocol.executions import executions, nominal_runs
-from dissertation.scraping.world.testbed import TestbedParameters
+from dissertation.scraping.world.testbed import TestbedParameters, drawn_testbed
 from structlearn.core.artefacts import publish
 from structlearn.core.stage import run, stage_parameters
 from structlearn.feedback.coupling_targets import (
@@ -21,7 +21,7 @@ def main() -> None:
     parameters = stage_parameters("expected_traces", ExpectedTracesParameters)
     sensors = stage_parameters("coupling_dataset", SupervisionParameters).sensors
     clock = stage_parameters("clock", ClockParameters)
-    testbed = stage_parameters("testbed", TestbedParameters)
+    testbed = drawn_testbed(stage_parameters("testbed", TestbedParameters))
     primitives = read_primitives("data/primitives/scraping/primitives.safetensors")
 
     runs, skill = nominal_runs(parameters.runs + parameters.level_runs), ReactiveSkill(primitives)

@@ -2,7 +2,7 @@
 
 from dissertation.scraping.protocol.execution_scores import ExecutionParameters
 from dissertation.scraping.protocol.executions import executions, runs_to_correct
-from dissertation.scraping.world.testbed import TestbedParameters
+from dissertation.scraping.world.testbed import TestbedParameters, drawn_testbed
 from structlearn.core.artefacts import publish
 from structlearn.core.stage import run, stage_parameters
 from structlearn.feedback.skill import ReactiveSkill
@@ -12,7 +12,7 @@ from structlearn.readers import write_recordings
 
 def main() -> None:
     parameters = stage_parameters("record_corrections", ExecutionParameters)
-    testbed = stage_parameters("testbed", TestbedParameters)
+    testbed = drawn_testbed(stage_parameters("testbed", TestbedParameters))
     skill = ReactiveSkill(read_primitives("data/primitives/scraping/primitives.safetensors"))
     runs = runs_to_correct(parameters.settings_deg, parameters.runs)
     recordings = executions(skill, runs, testbed)

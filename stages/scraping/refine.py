@@ -5,7 +5,7 @@ from dissertation.scraping.protocol.board_refinement import (
     read_board,
     refine_on_board,
 )
-from dissertation.scraping.world.testbed import TestbedParameters
+from dissertation.scraping.world.testbed import TestbedParameters, drawn_testbed
 from structlearn.core.artefacts import publish, write_table
 from structlearn.core.stage import run, stage_parameters
 from structlearn.feedback.coupling_model import write_networks
@@ -17,7 +17,7 @@ from structlearn.readers.source import ClockParameters
 def main() -> None:
     parameters = stage_parameters("refine", BoardRefinementParameters)
     supervision = stage_parameters("coupling_dataset", SupervisionParameters)
-    testbed = stage_parameters("testbed", TestbedParameters)
+    testbed = drawn_testbed(stage_parameters("testbed", TestbedParameters))
     clock = stage_parameters("clock", ClockParameters)
     with publish("data/feedback/scraping/refinement") as folder:
         folder.mkdir()

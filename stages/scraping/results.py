@@ -1,6 +1,6 @@
 """Gather the results of the scraping testbed in one table, by person."""
 
-from dissertation.scraping.files import TABLES, ScrapingFiles, read_datasets
+from dissertation.scraping.files import TABLES, ScrapingFiles, read_datasets, read_settings
 from dissertation.scraping.protocol import results
 from dissertation.scraping.protocol.board_refinement import BoardRefinementParameters
 from dissertation.scraping.protocol.feedback_models import POINTWISE
@@ -24,8 +24,10 @@ def main() -> None:
     person = stage_parameters("simulate", DemonstratorParameters).seed
     cuts, demonstrations = read_segmentation("data/segments/scraping"), found.runs("nominal")
     datasets = read_datasets("data/feedback/scraping/dataset")
+    corrections, unrolls = read_settings("data/runs/scraping/corrections"), found.runs("unrolls")
     networks = read_networks(f"data/feedback/scraping/models/{POINTWISE}.safetensors")
     parts = [
+        results.of_person(person, demonstrations, cuts, corrections, unrolls),
         results.of_cuts(demonstrations, cuts, segment.primitives),
         results.of_primitives(tables, fit.regression),
         results.of_models(tables, networks),

@@ -15,7 +15,6 @@ from collections.abc import Iterator, Sequence
 
 import numpy as np
 import pandas as pd
-from scipy.stats import f as f_distribution
 
 from dissertation.evidence.results import Results, long_table
 from structlearn.reporting.evidence import Ends, Evidence, within
@@ -48,6 +47,8 @@ def sums_of(results: Results, quantity: str) -> pd.DataFrame:
 
 def between_share(sums: pd.DataFrame, comparisons: int = 1) -> Evidence:
     """Share between people, 0 to 1, from their `sums_of`; fewer than two people have none."""
+    from scipy.stats import f as f_distribution  # slow to import, and stages only need `trial_sums`
+
     people, freedom = len(sums), sums["freedom"].sum()
     usual = people / (1.0 / sums["trials"]).sum() if people > 1 else np.nan
     inside = np.average(sums["within"], weights=sums["freedom"])

@@ -9,7 +9,8 @@ Romano et al. 2024, Soft Science 4:31):
     -> thinner fluid over the pressed electrodes, bulge elsewhere          (static map)
     -> lag of the fluid, offsets; callers add noise and rounding
 
-Single electrodes differ, with parameters that belong to the sensor. Drift with temperature is left out: in
+Sensors differ in the constants of `ResponseParameters.between`, and their single electrodes among each other.
+Functions take one sensor, as drawn by `individuals.drawn`. Drift with temperature is left out: in
 recorded runs of 10 s, idle electrodes stay within their noise.
 """
 
@@ -18,11 +19,11 @@ from typing import NamedTuple
 import numpy as np
 from pydantic import Field
 
+from dissertation.simulation.individuals import Individual
 from structlearn.core.compilation import numba
-from structlearn.core.params import Parameters
 
 
-class ResponseParameters(Parameters):
+class ResponseParameters(Individual):
     """Electrodes of a finger; the comments give reasons and sources of the values in `params.yaml`.
 
     The page of the set `biotac` compares the recorded scraping execution (`clmc`) with simulated ones.
@@ -82,7 +83,7 @@ def draw_response(
     rng: np.random.Generator,
     rate_hz: float,
 ) -> Response:
-    """Draw F sensors with individual electrodes at (E, 3) mm, sampled at `rate_hz`."""
+    """Draw the electrodes of a sensor with F fingers at (E, 3) mm, sampled at `rate_hz`."""
     size = (fingers, len(electrodes_mm))
     means = (parameters.counts_per_n, parameters.width_mm, parameters.bulge)
     spreads = (parameters.gain_spread, parameters.width_spread, parameters.bulge_spread)

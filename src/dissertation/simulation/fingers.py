@@ -6,8 +6,9 @@ The model goes from the wrench of the tool on the hand to 38 counts:
                  -> electrode counts                                           (see `electrode_response`)
                  -> noise, rounding
 
-Parameters of single electrodes are drawn from the sensor's seed; grip force and the place of the tool belong
-to the grasp and are drawn from the trial's generator.
+Pairs of fingers differ in the constants of `PinchParameters.between`, and their single electrodes among each
+other; both are drawn from the sensor's seed. Grip force and the place of the tool belong to the grasp and are
+drawn from the trial's generator.
 """
 
 from typing import NamedTuple

@@ -15,6 +15,7 @@ import pandas as pd
 
 from dissertation.evidence.results import Register, Results, with_study
 from dissertation.evidence.studies import OURS, Study
+from dissertation.evidence.variance_shares import between_share, sums_of
 from dissertation.scraping.names import CUT_METHODS, REPRESENTATIONS
 from dissertation.scraping.protocol.execution_scores import AFTER, BEFORE, NOMINAL
 from dissertation.scraping.protocol.feedback_models import LEVEL, POINTWISE, UNROLLED
@@ -82,6 +83,21 @@ finding = PEOPLE.finding
 def people_cut_error_ms(results: Results) -> pd.Series:
     """Mean cut error, over a person's demonstrations."""
     return results.each("cut_error", method=RESULT)
+
+
+BEHAVIOURS = {
+    "movement time": "log_movement_s",
+    "cut error": "demonstration_cut_error",
+    "half time": "half_correction",
+    "roll error": "roll_error",
+}
+"""Quantities of single trials, by the name of their case."""
+
+
+@finding(between_share, unit="of the variance")
+def between_people(results: Results) -> dict[str, pd.DataFrame]:
+    """Share between people of the variance of what they do in the same primitive or at the same tilt."""
+    return {case: sums_of(results, quantity) for case, quantity in BEHAVIOURS.items()}
 
 
 @finding(mean, unit="mm")

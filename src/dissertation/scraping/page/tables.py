@@ -14,6 +14,7 @@ from dissertation.scraping.page.stored import Stored
 from dissertation.scraping.protocol.execution_scores import NOMINAL
 from dissertation.scraping.protocol.feedback_models import POINTWISE, REPRESENTATIONS, STOPPINGS
 from dissertation.scraping.world.layout import hand_roll_deg
+from dissertation.simulation.individuals import Individual, differences
 from structlearn.core.metrics import matching
 from structlearn.feedback.coupling_dataset import PARTS
 from structlearn.policy_search.refinement import FEEDBACK
@@ -36,7 +37,9 @@ def derived(stored: Stored, printed: Mapping[str, Any]) -> dict[str, pd.DataFram
 def cut_tables(stored: Stored) -> dict[str, pd.DataFrame]:
     """Tables of the page on segmentation and primitives."""
     cuts, by_seed = stored.segmentation, cut_errors.errors_by_seed(stored.tables["noise"])
+    its = stored.parameters
     tables = {
+        "demonstrating_people": differing(demonstrates=its["simulate"], guides=its["testbed"].guidance),
         "demonstrations_left_out": cuts.left_out,
         "cut_points": cuts.cuts,
         "noise_sweep": cut_errors.errors_by_level(by_seed),
@@ -55,7 +58,9 @@ def board_tables(stored: Stored, printed: Mapping[str, Any]) -> dict[str, pd.Dat
     tables, scores = stored.tables, stored.tables["scores"]
     errors = model_errors(tables["comparison"], stored.adapted)
     runs = {model: stored.tilted[model] for model in (NOMINAL, POINTWISE)}
+    testbed = stored.parameters["testbed"]
     return {
+        "correcting_people": differing(person=testbed.corrector, fingers=testbed.touch),
         "coupling_checks": tables["checks"],
         "model_errors": errors.reset_index(),
         "model_orderings": tables["orderings"],
@@ -82,6 +87,13 @@ def refinement_tables(stored: Stored, printed: Mapping[str, Any]) -> dict[str, p
         found = searches(search)
         tables |= {"search_efficiency": found, "searches": ends_of_searches(search, found)}
     return tables
+
+
+def differing(**populations: Individual) -> pd.DataFrame:
+    """Rows of `individuals.differences` of several populations, with the name of each as `which`."""
+    return pd.concat([differences(its).assign(which=name) for name, its in populations.items()])[
+        ["which", "parameter", "median", "lowest", "highest", "source"]
+    ]
 
 
 def settings(scores: pd.DataFrame, tilted: bool = False) -> list[float]:
@@ -245,6 +257,9 @@ DECIMALS = {
 FORMATS = {name: f".{digits}f" for digits, names in DECIMALS.items() for name in names.split()}
 FORMATS |= {
     "half_width": ".3g",
+    "median": ".3g",
+    "lowest": ".3g",
+    "highest": ".3g",
     "noise_mm": "g",
     "setting_deg": "g",
     "work": ".2g",

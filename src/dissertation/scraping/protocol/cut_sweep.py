@@ -1,4 +1,7 @@
-"""Cut-point errors over noise and thresholds, and effects of down-sampling, of simulated demonstrators."""
+"""Cut-point errors over noise and thresholds, and effects of down-sampling, of simulated demonstrators.
+
+Each person is drawn from the population of `simulate` by a seed of the sweep.
+"""
 
 from collections.abc import Sequence
 from dataclasses import replace
@@ -17,6 +20,7 @@ from dissertation.scraping.world.demonstrator import (
     as_meant,
     intended_movements,
 )
+from dissertation.simulation.individuals import drawn
 from structlearn.core.errors import InputError
 from structlearn.core.parallel import parallel_map
 from structlearn.core.params import Parameters
@@ -51,6 +55,8 @@ def noise_sweep(
     parameters: SweepParameters, simulation: DemonstratorParameters, segmentation: SegmentParameters
 ) -> pd.DataFrame:
     """Cut errors of all methods at every noise level, for people whose movements are the same at every level.
+
+    People differ in their movements; at a level, all have its noise.
 
     Returns errors as of `cut_errors`, with `noise_mm` and `seed`. A demonstration that could not be cut has
     one row with method `left_out`; if the reference could not be cut, all have.
@@ -98,7 +104,7 @@ def downsampling_sweep(
 def _downsampled(
     seed: int, factors: Sequence[int], simulation: DemonstratorParameters, segmentation: SegmentParameters
 ) -> pd.DataFrame:
-    movements = intended_movements(simulation.model_copy(update={"seed": seed}))
+    movements = intended_movements(drawn(simulation, seed))
     try:
         return downsampling_effect(_demonstrated(movements, seed), segmentation, factors).assign(seed=seed)
     except InputError:
@@ -108,8 +114,8 @@ def _downsampled(
 def _cut_errors(
     seed: int, levels: Sequence[float], simulation: DemonstratorParameters, segmentation: SegmentParameters
 ) -> list[pd.DataFrame]:
-    """Errors of one person at each level; the noise scales with the level."""
-    movements = intended_movements(simulation.model_copy(update={"noise_mm": 1.0, "seed": seed}))
+    """Errors of one person at each level of noise, in place of the person's own."""
+    movements = intended_movements(drawn(simulation, seed).model_copy(update={"noise_mm": 1.0}))
     tables = []
     for noise in levels:
         noisy = [
@@ -124,7 +130,7 @@ def _errors_by_threshold(
     seed: int, factors: Sequence[float], simulation: DemonstratorParameters, segmentation: SegmentParameters
 ) -> pd.DataFrame:
     """Errors of one person with each threshold."""
-    demonstrations = _demonstrated(intended_movements(simulation.model_copy(update={"seed": seed})), seed)
+    demonstrations = _demonstrated(intended_movements(drawn(simulation, seed)), seed)
     tables = []
     for factor in factors:
         scaled = [

@@ -13,7 +13,7 @@ import numpy as np
 import pandas as pd
 from pydantic import Field
 
-from dissertation.scraping.world.layout import tool_roll_deg
+from dissertation.scraping.world.layout import hand_roll_deg, tool_roll_deg
 from structlearn.core import quaternion
 from structlearn.core.errors import InputError
 from structlearn.core.params import Parameters
@@ -125,6 +125,30 @@ def scores(
         table = execution_scores(group, scored, nominal, parameters.unit_axis)
         tables.append(table.assign(model=model, setting_deg=setting))
     return pd.concat(tables, ignore_index=True)
+
+
+def correction_scores(
+    corrections: Runs, unrolls: Sequence[Demonstration], primitives: Sequence[str], corrected: str
+) -> pd.DataFrame:
+    """How a person corrects roll in the primitive `corrected`: `setting`, `run`, `half_s`, `roll_error_deg`.
+
+    `half_s`: time from the start of the primitive until the hand has turned half of its final way from
+    nominal executions in the default setting (`unrolls`). `roll_error_deg`: size of the tool's final roll
+    relative to the board. Final: mean over the last `END_S`. `primitives`: names of all commanded primitives.
+    """
+    length = min(len(run.time) for run in unrolls)
+    nominal = np.mean([hand_roll_deg(run)[:length] for run in unrolls], axis=0)
+    rows = []
+    for setting, runs in corrections.items():
+        cuts = commanded_cuts(runs, primitives)[corrected]
+        for run in runs:
+            first, last = (round(float(end) / run.dt) for end in cuts.loc[run.name, ["start_s", "end_s"]])
+            turned = hand_roll_deg(run)[first : last + 1] - nominal[first : last + 1]
+            final = slice(last - first - round(END_S / run.dt), None)
+            half = np.argmax(turned / turned[final].mean() >= 0.5) * run.dt
+            error = abs(tool_roll_deg(run)[first : last + 1][final].mean())
+            rows.append((setting, run.name, half, error))
+    return pd.DataFrame(rows, columns=["setting", "run", "half_s", "roll_error_deg"])
 
 
 def traces(

@@ -10,8 +10,9 @@ import numpy as np
 import pandas as pd
 
 from dissertation.evidence.results import joined_results, long_table
+from dissertation.evidence.variance_shares import trial_sums
 from dissertation.scraping.protocol.board_refinement import BoardRefinementParameters
-from dissertation.scraping.protocol.execution_scores import AFTER, BEFORE, NOMINAL
+from dissertation.scraping.protocol.execution_scores import AFTER, BEFORE, NOMINAL, Runs, correction_scores
 from dissertation.scraping.protocol.feedback_models import POINTWISE
 from dissertation.scraping.protocol.phase_dependence import dominant_nodes, shared_nodes, sharing_over_phase
 from structlearn.core.metrics import matching
@@ -68,6 +69,34 @@ def of_cuts(
     found = cut_errors.alignment_comparison(was_cut, cuts, with_axis).set_index(["primitive", "method"])
     yield long_table(stage, "spread", found["spread_mm"], "mm")
     yield long_table(stage, "alignment_gain", found["gain_mm"], "mm")
+
+
+def of_person(
+    person: int,
+    demonstrations: Sequence[Demonstration],
+    cuts: Segmentation,
+    corrections: Runs,
+    unrolls: Sequence[Demonstration],
+) -> Rows:
+    """How a person demonstrates and corrects, as sums over trials for `variance_shares`.
+
+    `log_movement_s`: log of the time of a demonstration in primitives with cut points of their own.
+    `demonstration_cut_error`: mean over both cut points. `half_correction` and `roll_error`: see
+    `execution_scores.correction_scores`; the person corrects from the second primitive on.
+    """
+    stage, errors = "scraping_segment", matching(cut_errors.cut_errors(demonstrations, cuts), method=RESULT)
+    found = [cuts.result(name) for name in errors["primitive"].unique()]
+    times = sum(one["end_s"] - one["start_s"] for one in found)
+    trials = pd.DataFrame({"person": person, "log_movement_s": np.log(times)})
+    yield from trial_sums(stage, "log_movement_s", trials, "person")
+    ends = 1e3 * errors[["start_error_s", "end_error_s"]].abs().mean(axis=1)
+    trials = errors[["primitive"]].assign(person=person, demonstration_cut_error=ends)
+    yield from trial_sums(stage, "demonstration_cut_error", trials, "person", ["primitive"], "ms")
+    scores = correction_scores(corrections, unrolls, cuts.primitives, cuts.primitives[1])
+    names = {"half_s": "half_correction", "roll_error_deg": "roll_error"}
+    trials = scores.rename(columns=names).assign(person=person)
+    for quantity, unit in (("half_correction", "s"), ("roll_error", "deg")):
+        yield from trial_sums("scraping_import_corrections", quantity, trials, "person", ["setting"], unit)
 
 
 def of_sweep(tables: Tables) -> Rows:

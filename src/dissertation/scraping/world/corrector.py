@@ -12,7 +12,8 @@ et al. 1988; for hand-turned knobs Novak, Miller & Houk 2002). The model is that
 The person follows the nominal movement and adds the submovements to it. The hand is held through the passive
 stiffness of a wrist, so the board's action on the tool counts too. Constants are published figures of people,
 named below, and times of the recorded corrected demonstrations; none was chosen by how well feedback models
-perform.
+perform. People differ in those of `CorrectorParameters.between`; `corrector` takes one person, as drawn by
+`individuals.drawn`.
 """
 
 from typing import NamedTuple
@@ -21,12 +22,12 @@ import numpy as np
 from pydantic import Field
 
 from dissertation.simulation.hand_noise import hand_noise
+from dissertation.simulation.individuals import Individual
 from structlearn.core.compilation import compiled_inside, numba
-from structlearn.core.params import Parameters
 from structlearn.core.signals import minimum_jerk, minimum_jerk_rate
 
 
-class CorrectorParameters(Parameters):
+class CorrectorParameters(Individual):
     """The correcting person; units are in the names."""
 
     # from the start of the second primitive to the first submovement; in the recorded corrected
@@ -56,11 +57,16 @@ class CorrectorParameters(Parameters):
     movement_spread_s: float = Field(ge=0)  # std
     # of the wrist that holds the hand (Formica et al. 2012: 0.7-1.7 N m/rad passive)
     stiffness_n_m_rad: float = Field(gt=0)
-    damping_n_m_s_rad: float = Field(ge=0)  # about 0.1 s times the stiffness
+    damping_s: float = Field(ge=0)  # damping of that wrist over its stiffness
     # sway, motor noise and tremor of the hand; a tenth of a free hand's, since it rests on a robot that
     # yields slowly: in the recorded execution of the same setting the hand's orientation stays within 0.02
     # degrees (std over 2 s) once it is corrected
     noise_mm: float = Field(ge=0)
+
+    @property
+    def damping_n_m_s_rad(self) -> float:
+        """Damping of the wrist in N m s/rad."""
+        return self.damping_s * self.stiffness_n_m_rad
 
 
 class Corrector(NamedTuple):
@@ -92,9 +98,8 @@ _FIRST, _MOVEMENTS, _DRAWN = range(3)  # indices into `Corrector.counts`
 _DRAWS = 4  # random numbers per decision, at most
 
 
-def corrector(parameters: CorrectorParameters, ticks: int, dt: float, rng: np.random.Generator) -> Corrector:
-    """Draw the random variables of a trial."""
-    own = parameters
+def corrector(own: CorrectorParameters, ticks: int, dt: float, rng: np.random.Generator) -> Corrector:
+    """Draw the random variables of a person's trial."""
     bias = np.radians(own.bias_deg) * rng.standard_normal()
     reaction = max(own.reaction_s + own.reaction_spread_s * rng.standard_normal(), 0.1)
     slow = np.full((ticks, 3), 0.01)  # m/s; the hand hardly moves, so motor noise is constant
@@ -106,6 +111,7 @@ def corrector(parameters: CorrectorParameters, ticks: int, dt: float, rng: np.ra
         delay=round(own.visual_delay_s / dt),
         threshold=np.radians(own.threshold_deg),
         bias=bias,
+        damping_n_m_s_rad=own.damping_n_m_s_rad,
         **own.model_dump(include=set(Corrector._fields)),
         trembling=trembling[:, 1].copy(),
         draws=rng.standard_normal(_DRAWS * decisions),

@@ -3,7 +3,8 @@
 Go down 8.7 cm until the tool touches the board, turn the tool until its edge lies flat, scrape 6.4 cm along
 y. Movements follow published facts of human movement (the constants below). In the physical simulation the
 person guides the robot's arm along them (`testbed`); `as_meant` records them as intended, without arm and
-board, for sweeps over thousands of demonstrations.
+board, for sweeps over thousands of demonstrations. People differ in their submovements, drawn here, and in
+the constants of `DemonstratorParameters.between`; functions take one person, as drawn by `individuals.drawn`.
 
 Each demonstration has three independent random streams (movement, noise, run) and a fixed number of draws
 from the first, so sweeps are controlled: another `noise_mm` scales the noise but keeps the movement and its
@@ -19,8 +20,8 @@ from pydantic import Field, model_validator
 import structlearn
 from dissertation.scraping.world.layout import CONTACT_M, FLAT_ORIENTATION
 from dissertation.simulation.hand_noise import hand_noise
+from dissertation.simulation.individuals import Individual
 from structlearn.core import quaternion
-from structlearn.core.params import Parameters
 from structlearn.core.signals import minimum_jerk
 from structlearn.readers.demonstration import Recording, Stream
 
@@ -65,8 +66,8 @@ Seconds = Annotated[float, Field(ge=0, le=10)]
 MovementSeconds = Annotated[float, Field(ge=0.5, le=20)]
 
 
-class DemonstratorParameters(Parameters):
-    """The demonstrating person."""
+class DemonstratorParameters(Individual):
+    """The demonstrating person; spreads are std over one person's trials."""
 
     count: int = Field(ge=1, le=1000)
     seed: int = Field(ge=0)
@@ -103,11 +104,11 @@ class Intention:
     run: np.random.SeedSequence  # for all randomness of the run itself: sensors, board, pressure
 
 
-def intended_movements(parameters: DemonstratorParameters, rate_hz: float = RATE_HZ) -> list[Intention]:
+def intended_movements(person: DemonstratorParameters, rate_hz: float = RATE_HZ) -> list[Intention]:
     """Intended movements of one simulated person, one per demonstration."""
-    person, *seeds = np.random.SeedSequence(parameters.seed).spawn(parameters.count + 1)
-    habits = _draw_shapes(np.random.default_rng(person), (3, 2))
-    return [_intention(index, seed, parameters, habits, rate_hz) for index, seed in enumerate(seeds)]
+    own, *seeds = np.random.SeedSequence(person.seed).spawn(person.count + 1)
+    habits = _draw_shapes(np.random.default_rng(own), (3, 2))
+    return [_intention(index, seed, person, habits, rate_hz) for index, seed in enumerate(seeds)]
 
 
 def as_meant(movement: Intention, seed: int) -> Recording:

@@ -1,7 +1,8 @@
 """Parameters of the simulated testbed, conditions of its runs, and guided demonstrations.
 
-Robot, fingers and board are the same for all stages; what varies between runs of a real set-up is drawn from
-each run's seed, so any run can be repeated alone, bit for bit.
+Robot and board are the same for all stages. The person who corrects and the pair of fingers are drawn once
+(`drawn_testbed`); what varies between runs of a real set-up is drawn from each run's seed, so any run can be
+repeated alone, bit for bit.
 
 A person guiding the arm (kinesthetic teaching, IV.9.1.3, i) makes the nominal demonstrations. The arm is in
 gravity compensation; the person's own arm acts on it like a pose reference with a natural frequency, softer
@@ -34,6 +35,7 @@ from dissertation.scraping.world.execution import (
 )
 from dissertation.scraping.world.scraping_world import WorldParameters
 from dissertation.simulation.fingers import FingerPair, PinchParameters
+from dissertation.simulation.individuals import Individual, drawn
 from structlearn.core import quaternion
 from structlearn.core.parallel import parallel_map
 from structlearn.core.params import Parameters
@@ -50,7 +52,7 @@ class RecorderParameters(Parameters):
     stamp_jitter_s: float = Field(ge=0)
 
 
-class GuidanceParameters(Parameters):
+class GuidanceParameters(Individual):
     """The guiding person."""
 
     frequency_hz: float = Field(gt=0)
@@ -88,6 +90,16 @@ class TestbedParameters(Parameters):
     def finger_rate_hz(self) -> float:
         """Sampling rate of the fingers in Hz."""
         return self.world.control_rate_hz / FINGER_TICKS
+
+
+def drawn_testbed(population: TestbedParameters) -> TestbedParameters:
+    """The testbed with one person who corrects, drawn by `seed`, and one pair of fingers, by `sensor_seed`.
+
+    The guidance stays that of the population: the guiding person is the demonstrating one.
+    """
+    corrector = drawn(population.corrector, population.seed)
+    touch = drawn(population.touch, population.sensor_seed)
+    return population.model_copy(update={"corrector": corrector, "touch": touch})
 
 
 def run_conditions(
@@ -183,19 +195,22 @@ def pressure(parameters: GuidanceParameters, ticks: int, dt: float, rng: np.rand
 
 
 def guided_demonstrations(
-    demonstrator: DemonstratorParameters, testbed: TestbedParameters
+    person: DemonstratorParameters, guidance: GuidanceParameters, testbed: TestbedParameters
 ) -> list[Recording]:
-    """Nominal demonstrations "01", "02", ... by a person guiding the arm, with the intended segments."""
-    movements = intended_movements(demonstrator, testbed.world.control_rate_hz)
-    guide = partial(_guide, testbed=testbed, seed=demonstrator.seed)
+    """Nominal demonstrations "01", "02", ... by a person guiding the arm, with the intended segments.
+
+    `guidance`: of the same person; that of the testbed is not used.
+    """
+    movements = intended_movements(person, testbed.world.control_rate_hz)
+    guide = partial(_guide, own=guidance, testbed=testbed, seed=person.seed)
     first, *others = movements
     # the first runs in this process, so that the loop is compiled once and not by each worker
     return [guide(first), *parallel_map(guide, others, "guided demonstrations")]
 
 
-def _guide(movement: Intention, testbed: TestbedParameters, seed: int) -> Recording:
+def _guide(movement: Intention, own: GuidanceParameters, testbed: TestbedParameters, seed: int) -> Recording:
     conditions_rng, fingers_rng, wrist_rng, clocks_rng = map(np.random.default_rng, movement.run.spawn(4))
-    own, ticks, number = testbed.guidance, len(movement.time), int(movement.name)
+    ticks, number = len(movement.time), int(movement.name)
     conditions = run_conditions(
         testbed,
         0.0,
