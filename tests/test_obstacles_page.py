@@ -120,10 +120,16 @@ def with_scores(results, chosen=None, **columns):
     return results | {"scores": scores}
 
 
+RECORDED = pd.DataFrame(
+    {"share": 0.4, "low": 0.1, "high": 0.7, "people": 9},
+    index=pd.MultiIndex.from_product([["clearance_m", "movement_s"], ["shared"]]),
+)
+
+
 def shown_of(results):
     demonstrated = dict.fromkeys(SHAPES, demonstrations())
     tables = results["scores"], evaluation()[1], results["demonstrated"]
-    return Shown(*tables, PRIMITIVE, PLACES, demonstrated, POPULATION, parameters())
+    return Shown(*tables, PRIMITIVE, PLACES, demonstrated, POPULATION, RECORDED, parameters())
 
 
 def rendered(results, study=None):

@@ -1,6 +1,6 @@
 """Report of the obstacle testbed: figures, tables, findings and their page."""
 
-from dissertation.evidence.claims import quoted_claims
+from dissertation.evidence.claims import quoted_claims, quoted_people
 from dissertation.evidence.judged_page import publish_judged
 from dissertation.evidence.results import read_results, with_study
 from dissertation.evidence.studies import OURS, RESULTS, stored_study
@@ -45,6 +45,7 @@ def main() -> None:
             if place.setting == setting
         },
         population=people,
+        recorded_people=quoted_people(),
         parameters=parameters,
     )
     study = stored_study(RESULTS / PEOPLE_STUDY)

@@ -329,6 +329,11 @@ def quoted_claims() -> pd.DataFrame:
     return read_csv(QUOTED / "claims.csv", keep_default_na=False)
 
 
+def quoted_people() -> pd.DataFrame:
+    """How recorded people differ (`recorded.people`), by quantity and case, as copied by `make recorded`."""
+    return read_csv(QUOTED / "people.csv").set_index(["quantity", "case"])
+
+
 def on_recordings(recorded: pd.DataFrame, testbed: str, own: pd.DataFrame) -> list[OnRecordings]:
     """Statements tested on recorded data and on a simulated testbed, given a `claims_table` of each."""
     rows = recorded[recorded["counterpart"].astype(bool) & (recorded["verdict_of_all"] != NOT_TESTED)]

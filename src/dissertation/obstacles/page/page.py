@@ -80,6 +80,8 @@ def facts(population: Population, shown: Shown, published: Mapping[str, Any]) ->
         "untested": read_values(FOLDER / "untested.yaml"),
         "moved": population.moved,
         "people_of_this_run": len(tests),
+        "recorded_clearance": shown.recorded_people.loc[("clearance_m", "shared")],
+        "recorded_pace": shown.recorded_people.loc[("movement_s", "shared")],
         "shapes": SHAPES,
         "few_hits": FEW_HITS,
         "shown": shown.population.shown,

@@ -38,6 +38,7 @@ class Shown:
     scenarios: Sequence[Scenario]  # of the demonstrations, in order
     demonstrations: Mapping[str, Sequence[Demonstration]]  # shown person's in `setting`, by shape
     population: Population  # test people, and the person shown
+    recorded_people: pd.DataFrame  # how they differ, see `claims.quoted_people`
     parameters: Mapping[str, Any]  # of the stages, keyed as in `params.yaml`
 
     @property
