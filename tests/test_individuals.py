@@ -58,7 +58,9 @@ def test_what_differs_must_be_a_number_of_the_model_and_stay_in_range():
     with pytest.raises(ValidationError, match="between is not a number"):
         walkers(between=pace)
     wild = walkers(step_m=Spread(std=2.0, of="log", source=CHOSEN))
-    draws = np.array([np.random.default_rng([seed, crc32(b"step_m")]).standard_normal() for seed in range(50)])
+    draws = np.array(
+        [np.random.default_rng([seed, crc32(b"step_m")]).standard_normal() for seed in range(50)]
+    )
     with pytest.raises(ValidationError, match="step_m"):
         drawn(wild, int(draws.argmax()))
 

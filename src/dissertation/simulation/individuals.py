@@ -9,6 +9,7 @@ from typing import Literal, TypeVar
 from zlib import crc32
 
 import numpy as np
+import pandas as pd
 from pydantic import Field, model_validator
 
 from structlearn.core.params import Parameters
@@ -54,8 +55,25 @@ def drawn(population: IndividualType, seed: int) -> IndividualType:
     return model.model_validate(values | own | {"between": {}})
 
 
+def differences(population: Individual) -> pd.DataFrame:
+    """What differs between individuals: `parameter`, `median`, `lowest`, `highest` and `source`, a row each.
+
+    Of several values that share a factor, the first.
+    """
+    rows = []
+    for name, spread in population.between.items():
+        median = float(np.ravel(getattr(population, name))[0])
+        lowest, highest = (_changed(median, spread, sign * FARTHEST) for sign in (-1.0, 1.0))
+        rows.append((name, median, float(lowest), float(highest), spread.source))
+    return pd.DataFrame(rows, columns=["parameter", "median", "lowest", "highest", "source"])
+
+
 def _drawn(median: float | tuple[float, ...], spread: Spread, name: str, seed: int) -> float | list[float]:
     score = np.random.default_rng([seed, crc32(name.encode())]).standard_normal()
-    change = spread.std * np.clip(score, -FARTHEST, FARTHEST)
-    values = np.multiply(median, np.exp(change)) if spread.of == "log" else np.add(median, change)
-    return values.tolist()
+    return _changed(median, spread, np.clip(score, -FARTHEST, FARTHEST)).tolist()
+
+
+def _changed(median: float | tuple[float, ...], spread: Spread, score: float) -> np.ndarray:
+    """Value(s) of an individual so many std above the median."""
+    change = spread.std * score
+    return np.multiply(median, np.exp(change)) if spread.of == "log" else np.add(median, change)
