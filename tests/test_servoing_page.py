@@ -235,7 +235,7 @@ def test_contacts_are_found_in_the_truth_and_their_variance_between_people():
             pace = np.exp(0.1 * person + 0.01 * rng.standard_normal())
             one = truth(pace, np.exp(rng.standard_normal()))
             parts.append(one.assign(trial=one["trial"].str[:-1] + str(repeat)))
-        tables.append(servoing_results(person, 1.0, pd.concat(parts), models(), loops()))
+        tables.append(servoing_results(person, 1.0, pd.concat(parts), models(), loops({OURS: 6})))
     shares = found(pd.concat(tables, ignore_index=True))["between_people"]
     assert shares["time"].low > 0.95
     assert shares["load"].low < 0.1

@@ -14,7 +14,6 @@ from collections.abc import Iterator, Sequence
 
 import numpy as np
 import pandas as pd
-from scipy.stats import f as f_distribution
 
 from dissertation.evidence.results import Results, long_table
 from structlearn.reporting.evidence import Ends, Evidence, within
@@ -47,6 +46,8 @@ def sums_of(results: Results, quantity: str) -> pd.DataFrame:
 
 def between_share(sums: pd.DataFrame, comparisons: int = 1) -> Evidence:
     """Share between people, 0 to 1, from their `sums_of`; fewer than two people have none."""
+    from scipy.stats import f as f_distribution  # slow to import, and stages only need `trial_sums`
+
     people, trials = len(sums), sums["trials"].sum()
     freedom = sums["freedom"].sum()
     usual = (trials - (sums["trials"] ** 2).sum() / trials) / (people - 1) if people > 1 else np.nan

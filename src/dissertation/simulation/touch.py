@@ -46,10 +46,18 @@ class TouchFingerParameters(Individual):
     stiffness_n_mm: float = Field(gt=0)  # load in N at 1 mm of indentation, K in F = K d^1.5
 
     def with_electrodes_of(self, other: ResponseParameters) -> "FingerParameters":
-        """Combine the electrodes of another finger with this one's width and stiffness, and their spreads."""
+        """Combine the electrodes of another finger with this one's width and stiffness, and their spreads.
+
+        The bulge is the same in all: the more of it, the larger the part of the skin on which p falls with
+        the load, and where light touches are not noticed.
+        """
         names = ResponseParameters.model_fields
         shared = {name: getattr(other, name) for name in names}
-        between = {name: spread for name, spread in getattr(other, "between", {}).items() if name in names}
+        between = {
+            name: spread
+            for name, spread in getattr(other, "between", {}).items()
+            if name in names and name != "bulge"
+        }
         return FingerParameters(**shared | self.model_dump() | {"between": between | self.between})
 
 
