@@ -7,6 +7,7 @@ from dissertation.dynamics.world.arm_motion import ArmMotionParameters
 from dissertation.dynamics.world.joint_logs import (
     PerturbedRobotParameters,
     RecordMotionParameters,
+    perturbed_robot,
     perturbed_robot_log,
 )
 from dissertation.scraping.protocol.execution_scores import ExecutionParameters
@@ -70,10 +71,9 @@ def perturbed_robot_on_sines() -> pd.DataFrame:
     motion = stage_parameters("arm_motion", ArmMotionParameters).used.cut(COMPARED_S)
     perturbed = stage_parameters("perturbed_robot", PerturbedRobotParameters)
     seed = min(stage_parameters("dynamics_robots", Population).test)
-    robot = stage_parameters("arm", ArmParameters).read()
+    one, robot = perturbed_robot(perturbed, seed), stage_parameters("arm", ArmParameters).read()
     logs = [
-        perturbed_robot_log(robot, perturbed, seed, motion, parameters.payload, pybullet)
-        for pybullet in (False, True)
+        perturbed_robot_log(robot, one, motion, parameters.payload, pybullet) for pybullet in (False, True)
     ]
     return differences(f"dynamics, robot {seed} with a payload on sines", *map(_moved, logs))
 

@@ -22,7 +22,11 @@ from dissertation.dynamics.page.findings import findings, published
 from dissertation.dynamics.page.page import dynamics_page, tables
 from dissertation.dynamics.protocol.trainings import CHOSEN, FORMS, PLAIN
 from dissertation.dynamics.protocol.truth import friction_table, known_errors, residual_torques
-from dissertation.dynamics.world.joint_logs import PerturbedRobotParameters, perturbed_mechanics
+from dissertation.dynamics.world.joint_logs import (
+    PerturbedRobotParameters,
+    perturbed_mechanics,
+    perturbed_robot,
+)
 from dissertation.evidence.results import with_study
 from dissertation.evidence.studies import Study, StudyProvenance, digests
 from structlearn.reporting.document import render
@@ -218,9 +222,8 @@ def test_after_a_change_of_tracking_what_was_learned_keeps_its_study(raw, tmp_pa
 def test_what_is_known_explains_a_log_made_with_it():
     """A motion whose torques are those of the perturbed robot's links and friction."""
     arm, rng = iiwa(), np.random.default_rng(3)
-    mechanics = perturbed_mechanics(
-        arm.tree, arm.inertias, committed(PerturbedRobotParameters, "perturbed_robot"), 3
-    )
+    robots = committed(PerturbedRobotParameters, "perturbed_robot")
+    mechanics = perturbed_mechanics(arm.tree, arm.inertias, perturbed_robot(robots, 3))
     states = [rng.normal(0.0, 1.0, (60, 7)) for _ in range(3)]
     terms = ("viscous", "coulomb")
     state = {

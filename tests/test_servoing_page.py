@@ -17,13 +17,15 @@ from dissertation.servoing.names import AS_PUBLISHED, DYNAMICS, OURS, STILL
 from dissertation.servoing.page import page
 from dissertation.servoing.page.findings import AS_PUBLISHED_LL, findings, register
 from dissertation.servoing.page.shown import Shown
-from dissertation.servoing.protocol.results import servoing_results
+from dissertation.servoing.protocol.results import contacts, servoing_results
 from dissertation.servoing.protocol.servo_trials import MOTIONS
 from dissertation.servoing.protocol.servo_variants import (
     OtherSkinsParameters,
     ServoTrialParameters,
     variants,
 )
+from dissertation.simulation.fingers import PinchParameters
+from dissertation.simulation.touch import TouchFingerParameters
 from dissertation.simulation.touch_demonstrator import ToucherParameters
 from structlearn.core.params import Population
 from structlearn.core.rates import rate_interval
@@ -40,6 +42,8 @@ WOBBLE = 0.02 * np.array([-1.0, 1.0, -0.5, 0.5])
 
 CHOSEN = {
     "toucher": committed(ToucherParameters, "toucher"),
+    "touch_finger": committed(TouchFingerParameters, "touch_finger"),
+    "testbed.touch": committed(PinchParameters, "testbed.touch"),
     "touch_dataset": committed(TouchDataParameters, "touch_dataset"),
     "geodesics": committed(GeodesicParameters, "geodesics"),
     "train_latent": committed(LatentParameters, "train_latent", seeds=4),
@@ -152,9 +156,20 @@ def loops(reached=None, elsewhere=None):
     return comparison(reached) | {"other_skins": pd.concat(skins, ignore_index=True)}
 
 
+def truth(pace=1.0, load_n=1.0):
+    """True contacts of two demonstrations: one of 5 s, in which the finger slackens, and two of 2 s."""
+    parts = []
+    for trial, times in (("rotation_1_1", [(1.0, 6.0)]), ("translation_12_3", [(1.0, 3.0), (4.5, 6.5)])):
+        time = np.arange(0.0, 8.0, 0.01)
+        touched = np.any([(time >= first - 1e-9) & (time <= last + 1e-9) for first, last in times], axis=0)
+        load = load_n * touched * (np.abs(time - 1.8) > 0.1)
+        parts.append(pd.DataFrame({"trial": trial, "time_s": pace * time, "load_n": load}))
+    return pd.concat(parts, ignore_index=True)
+
+
 def people(reached=None, elsewhere=None, count=4):
     """Table of results of people whose values are spread about the same ones, with the same trials."""
-    one = servoing_results(0, 1.0, models(), loops(reached, elsewhere))
+    one = servoing_results(0, 1.0, truth(), models(), loops(reached, elsewhere))
     tables = [one.assign(person=person) for person in range(count)]
     for person, table in enumerate(tables):
         spread_out = table["quantity"].str.contains("nmse|cosine")
@@ -205,6 +220,26 @@ def test_results_are_means_over_models_and_sums_over_targets():
     assert table.each("reached", **loop, target="mixed")[0] == 2
     assert table.each("trials", **loop, target="mixed")[0] == 4
     assert table.each("lost", **loop, target="all")[0] == 0
+
+
+def test_contacts_are_found_in_the_truth_and_their_variance_between_people():
+    table = contacts(truth(load_n=2.0))
+    assert table["motion"].tolist() == ["rotation", "translation", "translation"]
+    assert table["area"].tolist() == ["1", "12", "12"]
+    np.testing.assert_allclose(table["contact_s"], [5.0, 2.0, 2.0])
+    np.testing.assert_allclose(table["contact_n"], 2.0)
+    rng, tables = np.random.default_rng(0), []
+    for person in range(6):
+        parts = []
+        for repeat in range(20):
+            pace = np.exp(0.1 * person + 0.01 * rng.standard_normal())
+            one = truth(pace, np.exp(rng.standard_normal()))
+            parts.append(one.assign(trial=one["trial"].str[:-1] + str(repeat)))
+        tables.append(servoing_results(person, 1.0, pd.concat(parts), models(), loops({OURS: 6})))
+    shares = found(pd.concat(tables, ignore_index=True))["between_people"]
+    assert shares["time"].low > 0.95
+    assert shares["load"].low < 0.1
+    assert shares["error"].value == 0.0  # all have the same trials
 
 
 def test_claims_on_predictions_hold_where_numbers_say_so():

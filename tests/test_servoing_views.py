@@ -26,9 +26,7 @@ from structlearn.viewer.items import entity
 from structlearn.viewer.recording import write
 
 SKIN = SKINS["biotac"]
-PERSON = committed(
-    ToucherParameters, "toucher", areas=1, rotations=1, translations=1, rotation_s=3.0, translation_s=2.0
-)
+PERSON = committed(ToucherParameters, "toucher", areas=1, rotations=1, translations=1, durations_s=(3.0, 2.0))
 PREPARED = committed(TouchDataParameters, "touch_dataset")
 MAP_UNIT_M = 0.01
 

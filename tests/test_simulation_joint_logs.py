@@ -9,6 +9,7 @@ from dissertation.dynamics.world.joint_logs import (
     PerturbedRobotParameters,
     ideal_log,
     perturbed_mechanics,
+    perturbed_robot,
     perturbed_robot_log,
 )
 from dissertation.simulation.arm import ArmParameters, Payload
@@ -47,21 +48,21 @@ def test_the_ideal_log_obeys_the_urdfs_dynamics(robot, log):
 
 
 def test_the_perturbed_robot_differs_from_its_urdf_by_what_is_named(robot):
-    parameters = committed(PerturbedRobotParameters, "perturbed_robot")
-    log = perturbed_robot_log(robot, parameters, SEED, MOTION)
-    true = perturbed_mechanics(robot.tree, robot.inertias, parameters, SEED)
+    one = perturbed_robot(committed(PerturbedRobotParameters, "perturbed_robot"), SEED)
+    log = perturbed_robot_log(robot, one, MOTION)
+    true = perturbed_mechanics(robot.tree, robot.inertias, one)
     friction = friction_rows(np.column_stack([true.viscous, true.coulomb]), ["viscous", "coulomb"])
     wrong = nmse(predicted(robot, robot.inertias, log), log.torques[:-1])
     right = nmse(predicted(robot, true.inertias, log, friction), log.torques[:-1])
     assert (right < wrong).all()
     assert wrong[[0, 4, 5, 6]].min() > 0.2  # axes that carry little weight: friction decides
     assert "perturbed robot" in log.provenance["arm"]
-    assert perturbed_robot_log(robot, parameters, SEED, MOTION).torques.tobytes() == log.torques.tobytes()
+    assert perturbed_robot_log(robot, one, MOTION).torques.tobytes() == log.torques.tobytes()
 
 
 def test_links_of_the_perturbed_robot_are_real_bodies(robot):
     parameters = committed(PerturbedRobotParameters, "perturbed_robot", mass_spread=0.4)
-    mechanics = perturbed_mechanics(robot.tree, robot.inertias, parameters, SEED)
+    mechanics = perturbed_mechanics(robot.tree, robot.inertias, perturbed_robot(parameters, SEED))
     moments = np.linalg.eigvalsh(mechanics.inertias.inertia)
     assert (mechanics.inertias.mass > 0).all()
     assert (moments > 0).all()
@@ -71,24 +72,25 @@ def test_links_of_the_perturbed_robot_are_real_bodies(robot):
 
 SHARES = ("viscous_share", "coulomb_share", "ripple_share", "noise_share")
 SPREADS = ("mass_spread", "centre_spread_m", "latency_ticks")
-IDEAL = committed(PerturbedRobotParameters, "perturbed_robot", **dict.fromkeys(SHARES + SPREADS, 0))
+IDEAL = perturbed_robot(
+    committed(PerturbedRobotParameters, "perturbed_robot", **dict.fromkeys(SHARES + SPREADS, 0)), SEED
+)
 
 
 def test_without_spread_friction_ripple_and_latency_the_perturbed_robot_is_ideal(robot, log):
-    np.testing.assert_allclose(
-        perturbed_robot_log(robot, IDEAL, SEED, MOTION).torques, log.torques, atol=1e-8
-    )
+    np.testing.assert_allclose(perturbed_robot_log(robot, IDEAL, MOTION).torques, log.torques, atol=1e-8)
 
 
 def test_a_robot_is_the_same_with_and_without_a_payload_until_it_picks_it_up(robot):
     """Every robot has links and noise of its own, and noise is not that of its other log."""
-    parameters = committed(PerturbedRobotParameters, "perturbed_robot")
+    robots = committed(PerturbedRobotParameters, "perturbed_robot")
+    one, another = perturbed_robot(robots, SEED), perturbed_robot(robots, SEED + 1)
     payload = committed(PayloadParameters, "record_motion.payload")
     half = 500
     empty, loaded, other = (
-        perturbed_robot_log(robot, parameters, SEED, MOTION),
-        perturbed_robot_log(robot, parameters, SEED, MOTION, payload),
-        perturbed_robot_log(robot, parameters, SEED + 1, MOTION),
+        perturbed_robot_log(robot, one, MOTION),
+        perturbed_robot_log(robot, one, MOTION, payload),
+        perturbed_robot_log(robot, another, MOTION),
     )
     np.testing.assert_array_equal(loaded.positions[: half + 1], empty.positions[: half + 1])
     assert np.abs(loaded.positions - empty.positions)[half + 10 :].max() > 1e-4
@@ -101,7 +103,7 @@ def test_a_robot_is_the_same_with_and_without_a_payload_until_it_picks_it_up(rob
 def test_the_payload_appears_when_it_is_picked_up(robot):
     """On a robot that is as its URDF has it, so that every torque is known."""
     parameters = committed(PayloadParameters, "record_motion.payload")
-    log = perturbed_robot_log(robot, IDEAL, SEED, MOTION, parameters)
+    log = perturbed_robot_log(robot, IDEAL, MOTION, parameters)
     loaded = carrying(robot, Payload(parameters.mass_kg, parameters.point_m, parameters.radius_m))
     without, loaded_too = (predicted(robot, inertias, log) for inertias in (robot.inertias, loaded))
     half = 500

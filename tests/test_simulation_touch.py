@@ -13,6 +13,7 @@ from dissertation.simulation.touch_demonstrator import (
     ToucherParameters,
     demonstrate,
     held_on_handle,
+    person_with_sensor,
     recorded,
 )
 from structlearn.core import quaternion
@@ -139,3 +140,20 @@ def test_readers_are_valid(runs, person):
         assert one.provenance["motion"] == first.motion
         assert one.provenance["origin"] == "simulated"
         assert len(one.streams[0].stamps) == pytest.approx(3 * len(one.streams[1].stamps), abs=3)
+
+
+def test_people_press_and_move_as_was_drawn_for_them_and_sensors_take_what_differs_in_electrodes():
+    people = committed(ToucherParameters, "toucher", areas=1, rotations=0, translations=1, time_cv=0.0)
+    assert set(committed_finger().between) >= {"width_mm", "stiffness_n_mm"}
+    pressed = []
+    for seed in range(8):
+        seeds = {"seed": seed, "sensor_seed": seed + 1}
+        person, finger = person_with_sensor(people.model_copy(update=seeds), committed_finger())
+        assert finger.width_mm != committed_finger().width_mm
+        light, firm = person.load_n
+        assert firm / light == pytest.approx(people.load_n[1] / people.load_n[0])
+        assert person.durations_s[0] / person.durations_s[1] == pytest.approx(6.6 / 2.5)
+        (run,) = demonstrate(person, finger)
+        pressed.append(np.quantile(run.load[run.load > 0], 0.9) / firm)
+        assert (run.load > 0).sum() / RATE_HZ == pytest.approx(4 * person.durations_s[1], rel=0.15)
+    assert max(pressed) < 1.6

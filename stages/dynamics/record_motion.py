@@ -8,6 +8,7 @@ from dissertation.dynamics.world.joint_logs import (
     PerturbedRobotParameters,
     RecordMotionParameters,
     ideal_log,
+    perturbed_robot,
     perturbed_robot_log,
 )
 from dissertation.simulation.arm import ArmParameters
@@ -29,7 +30,7 @@ def main() -> None:
     made = {f"{IDEAL}/{IDEAL}": ideal_log(robot, motion)}
     logs = {}
     for seed in stage_parameters("dynamics_robots", Population).test:
-        log = partial(perturbed_robot_log, robot, perturbed, seed, motion)
+        log = partial(perturbed_robot_log, robot, perturbed_robot(perturbed, seed), motion)
         logs |= {f"payload/{seed}": partial(log, parameters.payload), f"{ROBOT}/{seed}": log}
     made |= dict(zip(logs, parallel_map(call, logs.values(), "logs"), strict=True))
     with publish("data/raw/dynamics") as folder:

@@ -6,7 +6,11 @@ from functools import cache
 from dissertation.dynamics.protocol.tracking import Testbed, TrackingParameters, known, learned, track
 from dissertation.dynamics.world.arm_motion import ArmMotionParameters
 from dissertation.dynamics.world.controlled_arm import SimulatedArm
-from dissertation.dynamics.world.joint_logs import PerturbedRobotParameters, perturbed_mechanics
+from dissertation.dynamics.world.joint_logs import (
+    PerturbedRobotParameters,
+    perturbed_mechanics,
+    perturbed_robot,
+)
 from dissertation.simulation.arm import ArmParameters, Mechanics, ideal
 from structlearn.core.artefacts import publish, read_table, write_table
 from structlearn.core.params import Population
@@ -35,7 +39,7 @@ def main() -> None:
     beds = [(testbed(IDEAL, seeds, seeds[0], ideal(robot.inertias)), IDEAL, parameters.models)]
     perturbed = stage_parameters("perturbed_robot", PerturbedRobotParameters)
     for seed in robots:
-        mechanics = perturbed_mechanics(robot.tree, robot.inertias, perturbed, seed)
+        mechanics = perturbed_mechanics(robot.tree, robot.inertias, perturbed_robot(perturbed, seed))
         bed = testbed(ROBOT, [seed], robots[0], mechanics)
         beds.append((bed, f"{ROBOT}/{seed}", parameters.models + parameters.robot_models))
     tables = []

@@ -3,7 +3,11 @@
 from dissertation.dynamics.files import as_motion, read_logs
 from dissertation.dynamics.protocol.trainings import CHOSEN, DynamicsTrainingParameters, train_all, trainings
 from dissertation.dynamics.protocol.truth import FRICTION_MODELS, friction_table, known_errors
-from dissertation.dynamics.world.joint_logs import PerturbedRobotParameters, perturbed_mechanics
+from dissertation.dynamics.world.joint_logs import (
+    PerturbedRobotParameters,
+    perturbed_mechanics,
+    perturbed_robot,
+)
 from dissertation.simulation.arm import ArmParameters
 from structlearn.core.artefacts import publish, write_table
 from structlearn.core.stage import run, stage_parameters
@@ -38,7 +42,8 @@ def main() -> None:
     perturbed = stage_parameters("perturbed_robot", PerturbedRobotParameters)
     known, friction = [], []
     for seed in map(int, robots):
-        true, its = perturbed_mechanics(robot.tree, robot.inertias, perturbed, seed), f"{ROBOT}/{seed}"
+        its = f"{ROBOT}/{seed}"
+        true = perturbed_mechanics(robot.tree, robot.inertias, perturbed_robot(perturbed, seed))
         learned = {name: models[f"{its}/{CHOSEN}/{name}"] for name in FRICTION_MODELS}
         known.append(known_errors(robot, true, motions[its]).assign(seed=seed))
         friction.append(friction_table(learned, true).assign(seed=seed))

@@ -6,7 +6,7 @@ from dissertation.servoing.protocol.servo_trials import learn_other_skin
 from dissertation.servoing.protocol.servo_variants import OtherSkinsParameters
 from dissertation.simulation.fingers import PinchParameters
 from dissertation.simulation.touch import TouchFingerParameters
-from dissertation.simulation.touch_demonstrator import ToucherParameters
+from dissertation.simulation.touch_demonstrator import ToucherParameters, person_with_sensor
 from structlearn.core.artefacts import publish, write_table
 from structlearn.core.parallel import parallel_map
 from structlearn.core.stage import run, stage_parameters
@@ -25,11 +25,12 @@ SHARED = {
 
 def main() -> None:
     other = stage_parameters("other_skins", OtherSkinsParameters)
-    person = stage_parameters("toucher", ToucherParameters)
-    finger = stage_parameters("touch_finger", TouchFingerParameters)
+    people = stage_parameters("toucher", ToucherParameters)
+    fingers = stage_parameters("touch_finger", TouchFingerParameters)
     electrodes = stage_parameters("testbed.touch", PinchParameters)
     learning = [stage_parameters(key, model) for key, model in SHARED.items()]
-    learned = partial(learn_other_skin, other, person, finger.with_electrodes_of(electrodes), *learning)
+    person, finger = person_with_sensor(people, fingers.with_electrodes_of(electrodes))
+    learned = partial(learn_other_skin, other, person, finger, *learning)
     found = dict(zip(other.skins, parallel_map(learned, other.skins, "other skins", local=True), strict=True))
     with publish("data/servoing/other_skins") as folder:
         folder.mkdir()

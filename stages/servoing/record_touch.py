@@ -5,6 +5,7 @@ from dissertation.simulation.touch import TouchFingerParameters
 from dissertation.simulation.touch_demonstrator import (
     ToucherParameters,
     demonstrate,
+    person_with_sensor,
     recorded,
     true_contacts,
 )
@@ -16,10 +17,11 @@ import pandas as pd
 
 
 def main() -> None:
-    person = stage_parameters("toucher", ToucherParameters)
-    finger = stage_parameters("touch_finger", TouchFingerParameters)
+    people = stage_parameters("toucher", ToucherParameters)
+    fingers = stage_parameters("touch_finger", TouchFingerParameters)
     electrodes = stage_parameters("testbed.touch", PinchParameters)
-    runs = list(demonstrate(person, finger.with_electrodes_of(electrodes)))
+    person, finger = person_with_sensor(people, fingers.with_electrodes_of(electrodes))
+    runs = list(demonstrate(person, finger))
     recordings = [recorded(one, person) for one in runs]
     truth = pd.concat([true_contacts(one, person) for one in runs], ignore_index=True)
     with publish("data/raw/servoing") as folder:

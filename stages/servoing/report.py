@@ -10,6 +10,8 @@ from dissertation.servoing.page.findings import PEOPLE_STUDY, findings
 from dissertation.servoing.page.page import PUBLISHED, document
 from dissertation.servoing.page.shown import Shown
 from dissertation.servoing.protocol.servo_variants import OtherSkinsParameters, ServoTrialParameters
+from dissertation.simulation.fingers import PinchParameters
+from dissertation.simulation.touch import TouchFingerParameters
 from dissertation.simulation.touch_demonstrator import ToucherParameters
 from structlearn.core.artefacts import read_table
 from structlearn.core.params import Population
@@ -19,6 +21,8 @@ from structlearn.tactile.touch_dataset import TouchDataParameters, read_dataset
 
 PARAMETERS = {
     "toucher": ToucherParameters,
+    "touch_finger": TouchFingerParameters,
+    "testbed.touch": PinchParameters,
     "touch_dataset": TouchDataParameters,
     "geodesics": GeodesicParameters,
     "train_latent": LatentParameters,

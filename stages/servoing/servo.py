@@ -9,7 +9,7 @@ from dissertation.servoing.protocol.servo_variants import (
 )
 from dissertation.simulation.fingers import PinchParameters
 from dissertation.simulation.touch import TouchFingerParameters
-from dissertation.simulation.touch_demonstrator import ToucherParameters
+from dissertation.simulation.touch_demonstrator import ToucherParameters, person_with_sensor
 from structlearn.core.artefacts import publish, write_table
 from structlearn.core.stage import run, stage_parameters
 from structlearn.tactile.latent_models import read_latent_models
@@ -19,11 +19,11 @@ import pandas as pd
 
 def main() -> None:
     parameters = stage_parameters("servo", ServoTrialParameters)
-    person = stage_parameters("toucher", ToucherParameters)
+    people = stage_parameters("toucher", ToucherParameters)
     other = stage_parameters("other_skins", OtherSkinsParameters)
-    finger = stage_parameters("touch_finger", TouchFingerParameters).with_electrodes_of(
-        stage_parameters("testbed.touch", PinchParameters)
-    )
+    fingers = stage_parameters("touch_finger", TouchFingerParameters)
+    electrodes = stage_parameters("testbed.touch", PinchParameters)
+    person, finger = person_with_sensor(people, fingers.with_electrodes_of(electrodes))
     with publish("data/servoing/servo") as folder:
         folder.mkdir()
         trained = read_latent_models("data/servoing/models.safetensors")

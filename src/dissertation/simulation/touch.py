@@ -29,15 +29,15 @@ from dissertation.simulation.electrode_response import (
     played,
     static_counts,
 )
+from dissertation.simulation.individuals import Individual
 from structlearn.core import quaternion
 from structlearn.core.compilation import cross, numba
-from structlearn.core.params import Parameters
 from structlearn.tactile.electrodes import Skin
 
 NEWTON_STEPS = 8  # enough for the exact closest point: the derivative has at most six kinks
 
 
-class TouchFingerParameters(Parameters):
+class TouchFingerParameters(Individual):
     """Finger parameters that depend on the object, here a handle instead of a tool's edge."""
 
     # std of the pressure under a point contact; wider than for an edge, since a handle is round: then
@@ -46,13 +46,23 @@ class TouchFingerParameters(Parameters):
     stiffness_n_mm: float = Field(gt=0)  # load in N at 1 mm of indentation, K in F = K d^1.5
 
     def with_electrodes_of(self, other: ResponseParameters) -> "FingerParameters":
-        """Combine the electrodes of another finger with this one's width and stiffness."""
-        shared = {name: getattr(other, name) for name in ResponseParameters.model_fields}
-        return FingerParameters(**shared | self.model_dump())
+        """Combine the electrodes of another finger with this one's width and stiffness, and their spreads.
+
+        The bulge is the same in all: the more of it, the larger the part of the skin on which p falls with
+        the load, and where light touches are not noticed.
+        """
+        names = ResponseParameters.model_fields
+        shared = {name: getattr(other, name) for name in names}
+        between = {
+            name: spread
+            for name, spread in getattr(other, "between", {}).items()
+            if name in names and name != "bulge"
+        }
+        return FingerParameters(**shared | self.model_dump() | {"between": between | self.between})
 
 
 class FingerParameters(TouchFingerParameters, ResponseParameters):
-    """A touching finger with its electrodes."""
+    """A touching finger with its electrodes, which differ more than `between` says of whole fingers."""
 
 
 @dataclass(frozen=True)
@@ -96,7 +106,7 @@ class Memory(NamedTuple):
 
 
 def make_finger(parameters: FingerParameters, skin: Skin, sensor_seed: int, rate_hz: float) -> Finger:
-    """Finger with individual electrodes, read `rate_hz` times per second."""
+    """Finger with individual electrodes of the sensor with this seed, read `rate_hz` times per second."""
     rng = np.random.default_rng(sensor_seed)
     response = draw_response(parameters, 1e3 * skin.electrodes, 1, rng, rate_hz)
     return Finger(skin, response, parameters.stiffness_n_mm * 1e3**1.5, parameters.noise_counts)

@@ -2,13 +2,14 @@
 
 Two parts, each over several areas of the skin. Rotation: touch, rotate about the finger's x axis, lift,
 touch, rotate back, lift. Translation: touch, swipe forwards along x, lift, touch, swipe backwards, lift, and
-the same once more. The person's force differs between contacts and varies during each.
+the same once more. A person's force differs between contacts and varies during each; people differ in pace,
+force, steadiness and tilt, and their sensors too (`person_with_sensor`).
 """
 
 from collections.abc import Iterator
 from dataclasses import dataclass
 from itertools import product
-from typing import Literal, TypeVar
+from typing import Annotated, Literal, TypeVar
 
 import numpy as np
 import pandas as pd
@@ -16,6 +17,7 @@ from pydantic import Field
 
 import structlearn
 from dissertation.simulation.hand_noise import hand_noise
+from dissertation.simulation.individuals import Individual, drawn
 from dissertation.simulation.touch import (
     Finger,
     FingerParameters,
@@ -27,7 +29,6 @@ from dissertation.simulation.touch import (
     touching,
 )
 from structlearn.core import quaternion
-from structlearn.core.params import Parameters
 from structlearn.core.signals import minimum_jerk
 from structlearn.readers.demonstration import Recording, Stream
 from structlearn.tactile.electrodes import SKINS, Skin
@@ -48,8 +49,8 @@ TRUTH = ("trial", "time_s", "x_m", "y_m", "z_m", "load_n")  # columns of `true_c
 CLOCK_START_NS = 10**9  # time stamp of the first sample
 
 
-class ToucherParameters(Parameters):
-    """A person demonstrating touch; `params.yaml` gives about as many samples as the dissertation has."""
+class ToucherParameters(Individual):
+    """A person demonstrating touch; the median gives about as many samples as the dissertation has."""
 
     skin: Literal["biotac", "flat_pad", "sphere"]
     seed: int = Field(ge=0)
@@ -60,8 +61,7 @@ class ToucherParameters(Parameters):
     rate_hz: float = Field(ge=30, le=3000)
     along_mm: tuple[float, float]
     across_deg: float = Field(ge=0, le=80)
-    rotation_s: float = Field(gt=0)
-    translation_s: float = Field(gt=0)
+    durations_s: tuple[Annotated[float, Field(gt=0)], Annotated[float, Field(gt=0)]]
     time_cv: float = Field(ge=0)
     load_n: tuple[float, float]
     waver: float = Field(ge=0)
@@ -85,8 +85,15 @@ class TouchRun:
     load: np.ndarray  # (S,) N
 
 
+def person_with_sensor(
+    people: ToucherParameters, fingers: FingerParameters
+) -> tuple[ToucherParameters, FingerParameters]:
+    """The person and the sensor with the seeds of `people`, drawn from both populations."""
+    return drawn(people, people.seed), drawn(fingers, people.sensor_seed)
+
+
 def demonstrate(person: ToucherParameters, parameters: FingerParameters) -> Iterator[TouchRun]:
-    """All demonstrations: rotations first, ordered by area."""
+    """All demonstrations of one person with one sensor: rotations first, ordered by area."""
     finger = make_finger(parameters, SKINS[person.skin], person.sensor_seed, person.rate_hz / SAMPLED_EVERY)
     for kind, (motion, repeats) in enumerate(
         zip(SLIDES, (person.rotations, person.translations), strict=True)
@@ -203,7 +210,7 @@ def _contact(
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
     """One contact from air to air: along m, across m, load N and height above the handle m, (T,) each."""
     rate, skin = person.rate_hz, finger.skin
-    median = person.rotation_s if motion == "rotation" else person.translation_s
+    median = dict(zip(SLIDES, person.durations_s, strict=True))[motion]
     slide = round(rate * max(median * np.exp(person.time_cv * rng.standard_normal()) - 2 * PRESS_S, 0.5))
     press, approach = round(rate * PRESS_S), round(rate * APPROACH_S)
     rest = [round(rate * rng.uniform(*person.rest_s)) for _ in range(2)]

@@ -16,6 +16,7 @@ import pandas as pd
 
 from dissertation.dynamics.names import IDEAL, REACH, ROBOT, SINE
 from dissertation.dynamics.protocol.forms import CHOSEN, FORMS, PART, Form
+from dissertation.dynamics.protocol.results import FRICTION_UNITS
 from dissertation.dynamics.protocol.truth import FRICTION_MODELS
 from dissertation.evidence.results import Population, Register, Results, Samples
 from structlearn.core.params import read_values
@@ -214,6 +215,22 @@ def robot_known(results: Results) -> Any:
     """NMSE of models that were not learned on the robots' logs, mean over joints."""
     scores = _robot_errors(results, CHOSEN)
     return {model: scores.get(model) for model in (GROUND_TRUTH, DEFAULT)}
+
+
+def _default_nmse(results: Results) -> Any:
+    """NMSE of the URDF's model on a robot's log, mean over joints."""
+    return results.each("nmse", arm=ROBOT, model=DEFAULT)
+
+
+def _true_friction(results: Results, term: str) -> Any:
+    """A robot's friction, median over joints."""
+    return results.each(f"{term}_true")
+
+
+for end, statistic in (("lowest", minimum), ("highest", maximum)):
+    ROBOTS.finding(statistic, name=f"{end}_default")(_default_nmse)
+    for term, unit in FRICTION_UNITS.items():
+        ROBOTS.finding(statistic, unit, name=f"{end}_{term}")(partial(_true_friction, term=term))
 
 
 @by_form(ROBOTS, geometric_mean, headline=("Cov",))

@@ -22,6 +22,7 @@ from dissertation.evidence.claims import judge, read_claims
 from dissertation.evidence.judged_page import JudgedDocument
 from dissertation.evidence.results import Population, Results
 from dissertation.evidence.studies import Study, rests_on
+from dissertation.simulation.individuals import Individual, differences
 from structlearn.core.params import read_values
 from structlearn.reporting.document import Source, Table
 from structlearn.reporting.findings import Findings
@@ -93,7 +94,7 @@ def dynamics_page(
         package=__package__,
         stage="dynamics_report",
         facts=facts,
-        tables=shown,
+        tables=shown | {"differences": _differences(chosen["perturbed_robot"])},
         judged=judge(claims, find, facts),
         sources=SOURCES,
         parameters=chosen,
@@ -126,7 +127,7 @@ def _unmet(results: Results, arm: str, form: str) -> list[str]:
 
 
 def tables(results: Results, raw: Raw) -> dict[str, Table]:
-    """Tables of the page, keyed by name."""
+    """Tables of the results, keyed by name."""
     agreed = {"largest_n_m": ".0f", "regressor_n_m": ".1e", "compiled_n_m": ".1e"}
     return {
         "simulation": _scores(results, IDEAL),
@@ -308,9 +309,14 @@ def _friction(friction: pd.DataFrame) -> Table:
     columns: dict[str, pd.Series] = {}
     for term, rows in friction[friction["model"] == FRICTION_MODELS[-1]].groupby("term", sort=False):
         joints = rows.groupby("joint")
-        columns |= {f"true_{term}": joints["truth"].first(), term: joints["value"].agg(_spread, ".3f")}
-    formats = {"true_viscous": ".3f", "true_coulomb": ".3f"}
-    return Table(pd.DataFrame(columns).reset_index(), formats)
+        columns |= {f"true_{term}": joints["truth"].agg(_spread, ".3f")}
+        columns |= {term: joints["value"].agg(_spread, ".3f")}
+    return Table(pd.DataFrame(columns).reset_index())
+
+
+def _differences(robots: Individual) -> Table:
+    """What differs between robots, see `individuals.differences`."""
+    return Table(differences(robots), dict.fromkeys(("median", "lowest", "highest"), ".2g"))
 
 
 def _spread(values: pd.Series, number_format: str) -> str:

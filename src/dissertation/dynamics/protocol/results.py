@@ -7,6 +7,7 @@ From `dynamics_train`, by arm, model and form (none: not learned):
     links, consistent_links    number, of the first arm
     viscous_ratio, coulomb_ratio, viscous_error, coulomb_error
                                learned friction over the true one, and its distance from 1; median over joints
+    viscous_true, coulomb_true that of a robot, median over joints (N m s/rad, N m)
 From `dynamics_online`, by model and loss:
     online_course, online_half, online_final
                                NMSE: geometric mean over the batches, in the middle, at the end
@@ -27,6 +28,7 @@ import numpy as np
 import pandas as pd
 
 from dissertation.dynamics.protocol.forms import CHOSEN, EpochLimits
+from dissertation.dynamics.protocol.truth import FRICTION_MODELS
 from dissertation.evidence.results import joined_results, long_table
 from structlearn.rigid_body.model_names import ROBOT
 
@@ -34,6 +36,8 @@ KEYS = {"seed": int, "arm": str, "model": str, "form": str, "loss": str, "task":
 
 STOPPED_NMSE = 1.0  # least error counted for a stopped run: that of an arm that does not move
 SETTLED_SHARE = 0.1  # relative error of a payload's mass within which it counts as correct
+
+FRICTION_UNITS = {"viscous": "N m s/rad", "coulomb": "N m"}
 
 CONDITIONS = ["positive_mass", "positive_definite", "triangle"]
 """Conditions of physical consistency: columns of `base_parameters.link_table`."""
@@ -89,6 +93,9 @@ def _friction(table: pd.DataFrame) -> Iterable[pd.DataFrame]:
         for name, values in (("ratio", its), ("error", (its - 1.0).abs())):
             medians = values.groupby(["seed", "model"]).median()
             yield long_table("dynamics_train", f"{term}_{name}", medians, form=CHOSEN)
+    true = table[table["model"] == FRICTION_MODELS[-1]].groupby(["term", "seed"])["truth"].median()
+    for term, unit in FRICTION_UNITS.items():
+        yield long_table("dynamics_train", f"{term}_true", true[term], unit)
 
 
 def _online(errors: pd.DataFrame) -> Iterable[pd.DataFrame]:

@@ -2,8 +2,8 @@
 
 A perturbed robot has effects that the models of III.4.2 lack: its links differ from the URDF, its joints have
 friction, its drives have ripple, its torque sensors are noisy, and torques act one tick after the command.
-Drive effects scale with the rated torque, because larger gears have more friction and ripple. No number was
-chosen to fit an outcome:
+Drive effects scale with the rated torque, because larger gears have more friction and ripple. Robots differ
+in their links and in all of these but the latency. No number was chosen to fit an outcome; medians are:
 
 * Coulomb friction 0.5 % of the rated torque, viscous friction 0.3 % per rad/s: the recorded Franka Emika
   Panda has Coulomb friction of 0.2 to 0.6 % in the large joints and 1.4 to 2 % in the small ones, and viscous
@@ -27,6 +27,7 @@ from dissertation.dynamics.world.arm_motion import (
 )
 from dissertation.dynamics.world.controlled_arm import SimulatedArm, run_controller
 from dissertation.simulation.arm import Mechanics, Payload, ideal
+from dissertation.simulation.individuals import Individual, drawn
 from structlearn.core.errors import InputError
 from structlearn.core.params import Parameters
 from structlearn.readers.joint_log import JointLog
@@ -35,7 +36,7 @@ from structlearn.rigid_body.robot import Robot
 from structlearn.rigid_body.tree import KinematicTree, LinkInertias
 
 
-class PerturbedRobotParameters(Parameters):
+class PerturbedRobotParameters(Individual):
     """The perturbed robots; the module's docstring gives the reasons."""
 
     log_s: float = Field(gt=0)
@@ -48,6 +49,12 @@ class PerturbedRobotParameters(Parameters):
     ripple_per_turn: float = Field(gt=0)
     mass_spread: float = Field(ge=0)
     centre_spread_m: float = Field(ge=0)
+
+
+class PerturbedRobot(PerturbedRobotParameters):
+    """One of them, with its own friction, ripple and noise; see `perturbed_robot`."""
+
+    seed: int = Field(ge=0)  # of its links and readings
 
 
 class PayloadParameters(Parameters):
@@ -69,28 +76,31 @@ class RecordMotionParameters(Parameters):
     payload: PayloadParameters
 
 
-def perturbed_mechanics(
-    tree: KinematicTree, default: LinkInertias, parameters: PerturbedRobotParameters, seed: int
-) -> Mechanics:
-    """Mechanics of a perturbed robot; the seed selects its true inertias.
+def perturbed_robot(robots: PerturbedRobotParameters, seed: int) -> PerturbedRobot:
+    """Robot with this seed, drawn from the population."""
+    return PerturbedRobot(seed=seed, **drawn(robots, seed).model_dump())
+
+
+def perturbed_mechanics(tree: KinematicTree, default: LinkInertias, perturbed: PerturbedRobot) -> Mechanics:
+    """Mechanics of a perturbed robot; its seed selects its true inertias.
 
     A link heavier than in the URDF is denser: its inertia scales with its mass and stays physically
     consistent. Raises InputError: too few rated torques.
     """
-    rated = of_joints("rated_n_m", parameters.rated_n_m, tree)
-    rng = np.random.default_rng([seed, 0])
+    rated = of_joints("rated_n_m", perturbed.rated_n_m, tree)
+    rng = np.random.default_rng([perturbed.seed, 0])
     count = len(tree.names)
-    factor = np.exp(rng.normal(0.0, parameters.mass_spread, count))
-    shift = rng.normal(0.0, parameters.centre_spread_m, (count, 3))
+    factor = np.exp(rng.normal(0.0, perturbed.mass_spread, count))
+    shift = rng.normal(0.0, perturbed.centre_spread_m, (count, 3))
     mass = default.mass * factor
     centre = default.first_moment / default.mass[:, None] + shift
     return Mechanics(
         LinkInertias(mass, mass[:, None] * centre, default.inertia * factor[:, None, None]),
-        viscous=parameters.viscous_share * rated,
-        coulomb=parameters.coulomb_share * rated,
-        ripple=parameters.ripple_share * rated,
-        ripple_waves=parameters.ripple_per_turn / (2.0 * np.pi),
-        latency_steps=parameters.latency_ticks,
+        viscous=perturbed.viscous_share * rated,
+        coulomb=perturbed.coulomb_share * rated,
+        ripple=perturbed.ripple_share * rated,
+        ripple_waves=perturbed.ripple_per_turn / (2.0 * np.pi),
+        latency_steps=perturbed.latency_ticks,
     )
 
 
@@ -102,20 +112,20 @@ def ideal_log(robot: Robot, motion: SineParameters) -> JointLog:
 
 def perturbed_robot_log(
     robot: Robot,
-    parameters: PerturbedRobotParameters,
-    seed: int,
+    perturbed: PerturbedRobot,
     motion: SineParameters,
     payload: PayloadParameters | None = None,
     pybullet: bool = False,
 ) -> JointLog:
-    """Log of sines of a perturbed robot, tracked with the URDF's model, with torque noise (III.4.2).
+    """Log of sines of a perturbed robot, tracked with the model of its URDF, with torque noise (III.4.2).
 
     The controller does not know about the payload, which is picked up on the way.
     """
-    motion = motion.cut(parameters.log_s)
-    mechanics = perturbed_mechanics(robot.tree, robot.inertias, parameters, seed)
+    motion = motion.cut(perturbed.log_s)
+    mechanics = perturbed_mechanics(robot.tree, robot.inertias, perturbed)
     arm = SimulatedArm(robot, mechanics, 1.0 / motion.rate_hz)
-    remark = {"arm": "perturbed robot with friction, ripple, latency and other inertias", "seed": str(seed)}
+    remark = {"arm": "perturbed robot with friction, ripple, latency and other inertias"}
+    remark["seed"] = str(perturbed.seed)
     if payload is None:
         log = _sine_log("sine", arm, motion, remark, pybullet)
     else:
@@ -123,8 +133,8 @@ def perturbed_robot_log(
         remark["payload"] = f"{payload.mass_kg:g} kg from {tick / motion.rate_hz:g} s on"
         body = Payload(payload.mass_kg, payload.point_m, payload.radius_m)
         log = _sine_log("payload", replace(arm, payload=body, take_at=tick), motion, remark, pybullet)
-    noise = parameters.noise_share * of_joints("rated_n_m", parameters.rated_n_m, robot.tree)
-    rng = np.random.default_rng([seed, 1 if payload is None else 2])
+    noise = perturbed.noise_share * of_joints("rated_n_m", perturbed.rated_n_m, robot.tree)
+    rng = np.random.default_rng([perturbed.seed, 1 if payload is None else 2])
     return replace(log, torques=log.torques + noise * rng.normal(size=log.torques.shape))
 
 

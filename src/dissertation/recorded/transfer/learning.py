@@ -21,7 +21,7 @@ from dissertation.recorded.transfer.finger_statistics import compared, pca_dimen
 from dissertation.recorded.transfer.parameters import TransferParameters
 from dissertation.simulation import fingers, touch_demonstrator
 from dissertation.simulation.touch import FingerParameters, TouchFingerParameters
-from dissertation.simulation.touch_demonstrator import ToucherParameters, demonstrate
+from dissertation.simulation.touch_demonstrator import ToucherParameters, demonstrate, person_with_sensor
 from structlearn.core import signals
 from structlearn.core.errors import InputError, MissingInputError
 from structlearn.core.parallel import parallel_map
@@ -141,11 +141,12 @@ def learn(files: TaskFiles, folder: Path) -> None:
         tables["fingers"] = compared(recorded[SCRAPING], read_recordings(executed))
     main = CLONE / "params.yaml"  # of the simulated person and finger
     electrodes = stage_parameters("testbed.touch", fingers.PinchParameters, main)
+    touching = stage_parameters("touch_finger", TouchFingerParameters, main).with_electrodes_of(electrodes)
+    people = stage_parameters("toucher", ToucherParameters, main)
     tables |= compare_sets(
         recorded,
         files.entry(TransferParameters),
-        stage_parameters("toucher", ToucherParameters, main),
-        stage_parameters("touch_finger", TouchFingerParameters, main).with_electrodes_of(electrodes),
+        *person_with_sensor(people, touching),
         stage_parameters("touch_dataset", TouchDataParameters, main),
     )
     write_tables(tables, folder)

@@ -15,6 +15,7 @@ import pandas as pd
 
 from dissertation.evidence.results import Register, Results, with_study
 from dissertation.evidence.studies import Study
+from dissertation.evidence.variance_shares import between_share, sums_of
 from dissertation.servoing.names import AS_PUBLISHED, DYNAMICS, OURS, SKIN_NAMES, dynamics_name
 from dissertation.servoing.protocol.results import ALL, OWN, STRUCTURED, controller_keys
 from dissertation.servoing.protocol.servo_variants import SPACES, ServoVariant
@@ -104,6 +105,13 @@ def points(pairs: pd.DataFrame, comparisons: int = 1) -> Evidence:
 def people(results: Results) -> int:
     """People that the findings are about."""
     return int(results.table["person"].nunique())
+
+
+@finding(between_share, unit="of the variance")
+def between_people(results: Results) -> dict[str, pd.DataFrame]:
+    """Share between people of the logs of contacts' time and load, and of errors in closed loop."""
+    cases = {"time": "log_contact_s", "load": "log_contact_n", "error": "log_error_mm"}
+    return {case: sums_of(results, quantity) for case, quantity in cases.items()}
 
 
 @finding(geometric_mean, unit="NMSE", headline=("test",))

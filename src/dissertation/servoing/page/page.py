@@ -16,6 +16,7 @@ from dissertation.servoing.page.findings import PEOPLE_STUDY, TEST_CHAIN
 from dissertation.servoing.page.shown import SQUARE_MM, Shown
 from dissertation.servoing.protocol.results import OWN, controller_keys, keyed, prediction_errors
 from dissertation.servoing.protocol.servo_scores import success_rates
+from dissertation.simulation.individuals import differences
 from structlearn.core.params import read_values
 from structlearn.reporting.document import Source, Table
 from structlearn.reporting.evidence import Evidence, clustered_share, geometric_mean, mean
@@ -79,6 +80,7 @@ def tables(shown: Shown) -> dict[str, Table]:
     own = loops["skin"] == OWN
     return {
         "data": Table(_data(shown)),
+        "differences": _rounded(_differences(shown), ".3g"),
         "latent": _rounded(latent_table(shown.models["latent"]), ".4f", LATENT_NAMES),
         "forward": _rounded(forward_table(shown), ".3f"),
         "directions": _rounded(direction_table(shown), ".3f", TARGET_NAMES),
@@ -197,6 +199,14 @@ def _data(shown: Shown) -> pd.DataFrame:
         ("… contacts", "not said", contacts_by_split),
     ]
     return pd.DataFrame(rows, columns=["quantity", "dissertation", "here"])
+
+
+def _differences(shown: Shown) -> pd.DataFrame:
+    """What differs between people and between their sensors, see `individuals.differences`."""
+    fingers = shown.chosen["touch_finger"].with_electrodes_of(shown.chosen["testbed.touch"])
+    populations = {"person": shown.chosen["toucher"], "sensor": fingers}
+    parts = [differences(one).assign(of=name) for name, one in populations.items()]
+    return pd.concat(parts, ignore_index=True)[["of", *parts[0].columns.drop("of")]]
 
 
 def _test_chains(shown: Shown) -> list[tuple[str, int, int]]:

@@ -14,15 +14,22 @@ of targets are sums over these models. Quantities:
                      `target`; `steps`: its horizon
     near, lost       of these trials: number in which the contact ended within the tolerated distance,
                      whatever the pressure; and in which it was lifted or left the skin
+    log_contact_s, log_contact_n, log_error_mm
+                     logarithms of time and mean load of demonstrated contacts, and of the distance from the
+                     target where the adaptive controller with NJ ends: sums for `variance_shares`
 """
 
 from collections.abc import Iterator, Mapping
 
+import numpy as np
 import pandas as pd
 
 from dissertation.evidence.results import joined_results, long_table
-from dissertation.servoing.protocol.servo_variants import SPACES, ServoVariant
-from structlearn.tactile.latent_parameters import NO_INVERSE
+from dissertation.evidence.variance_shares import trial_sums
+from dissertation.servoing.protocol.servo_scores import rows_of
+from dissertation.servoing.protocol.servo_variants import ADAPTIVE, SPACES, ServoVariant
+from dissertation.simulation.touch_demonstrator import APPROACH_S
+from structlearn.tactile.latent_parameters import JACOBIAN, NO_INVERSE
 
 WORDS = ("skin", "space", "model", "loss", "controller", "change", "split", "part", "target")
 KEYS: dict[str, type] = {"person": int, "steps": float} | dict.fromkeys(WORDS, str)
@@ -32,7 +39,7 @@ TARGETS = {"encoder": "followed", "forward": "predicted", "agreement": "agreemen
 ALL = "all"  # kinds of targets in closed loop
 OWN = "own"  # skin that was demonstrated on first; others have their names
 
-TRAINED, SERVOED = "servoing_train_latent", "servoing_servo"  # stages
+DEMONSTRATED, TRAINED, SERVOED = "servoing_record_touch", "servoing_train_latent", "servoing_servo"  # stages
 
 
 NAMES = {"form": "controller", "horizon": "steps", "forward": "model", "inverse": "model"}
@@ -41,16 +48,38 @@ NAMES |= {"trained_with": "loss", "comparison": "target", "motion": "target"}
 
 
 def servoing_results(
-    person: int, tolerated_mm: float, models: Mapping[str, pd.DataFrame], loops: Mapping[str, pd.DataFrame]
+    person: int,
+    tolerated_mm: float,
+    truth: pd.DataFrame,
+    models: Mapping[str, pd.DataFrame],
+    loops: Mapping[str, pd.DataFrame],
 ) -> pd.DataFrame:
     """Table of results of one person, with a tolerated distance from targets.
 
-    `models`: tables of `tactile.latent_comparison.LatentComparison`; `loops`: `trials` of
-    `protocol.servo_trials.compare`, and `other_skins`, the same with a column `skin`.
+    `truth`: `touch_demonstrator.true_contacts` of all demonstrations; `models`: tables of
+    `tactile.latent_comparison.LatentComparison`; `loops`: `trials` of `protocol.servo_trials.compare`, and
+    `other_skins`, the same with a column `skin`.
     """
     trials = pd.concat([loops["trials"].assign(skin=OWN), loops["other_skins"]], ignore_index=True)
-    parts = [*_of_models(models), *_of_loops(trials.assign(near=trials["position_error_mm"] <= tolerated_mm))]
+    parts = [
+        *_of_models(models),
+        *_of_loops(trials.assign(near=trials["position_error_mm"] <= tolerated_mm)),
+        *_of_trials(person, contacts(truth), loops["trials"]),
+    ]
     return joined_results([part.assign(person=person) for part in parts], KEYS)
+
+
+def contacts(truth: pd.DataFrame) -> pd.DataFrame:
+    """Contacts of `touch_demonstrator.true_contacts`: `motion`, `area`, `contact_s`, mean load `contact_n`.
+
+    A finger that is off the handle for less than its approach takes has only slackened.
+    """
+    touched = truth[truth["load_n"] > 0]
+    first = (touched["trial"] != touched["trial"].shift()) | (touched["time_s"].diff() > APPROACH_S)
+    by = touched.groupby(first.cumsum())
+    motion_and_area = by["trial"].first().str.extract(r"(?P<motion>\w+)_(?P<area>\d+)_\d+$")
+    lasted = by["time_s"].last() - by["time_s"].first()
+    return motion_and_area.assign(contact_s=lasted, contact_n=by["load_n"].mean())
 
 
 def keyed(table: pd.DataFrame) -> pd.DataFrame:
@@ -90,6 +119,19 @@ def _of_models(models: Mapping[str, pd.DataFrame]) -> Iterator[pd.DataFrame]:
         yield long_table(TRAINED, "prediction_nmse", errors[part], part=part)
     directions = keyed(models["directions"]).groupby(["space", "model", "loss", "target"], sort=False)
     yield long_table(TRAINED, "cosine_distance", directions["distance"].mean())
+
+
+def _of_trials(person: int, touches: pd.DataFrame, trials: pd.DataFrame) -> Iterator[pd.DataFrame]:
+    """Rows from which the share of the variance between people is found."""
+    ended = rows_of(trials, ServoVariant(ADAPTIVE, JACOBIAN))
+    for stage, table, column, groups in (
+        (DEMONSTRATED, touches, "contact_s", ["motion", "area"]),
+        (DEMONSTRATED, touches, "contact_n", ["motion", "area"]),
+        (SERVOED, ended, "position_error_mm", ["motion"]),
+    ):
+        name = f"log_{column.removeprefix('position_')}"
+        its = table[groups].assign(person=person, **{name: np.log(table[column])})
+        yield from trial_sums(stage, name, its, "person", groups)
 
 
 def _of_loops(trials: pd.DataFrame) -> Iterator[pd.DataFrame]:

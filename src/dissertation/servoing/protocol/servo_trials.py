@@ -87,15 +87,16 @@ def make_scene(
 def draw(
     person: ToucherParameters, parameters: ServoTrialParameters, models: int, rng: np.random.Generator
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Random trials on the demonstrated part of the skin.
+    """Random trials on the demonstrated part of the skin, at demonstrated loads.
 
     Returns start and target, (B, 3) each: along and across the finger in m, load in N; and motion index (B,).
     """
     along, across = covered(person, SKINS[person.skin])
+    light, firm = person.load_n
+    load = tuple(light + share * (firm - light) for share in parameters.load_share)
     count = models * parameters.trials
     start, target = (
-        np.stack([rng.uniform(*ends, count) for ends in (along, across, parameters.load_n)], axis=1)
-        for _ in range(2)
+        np.stack([rng.uniform(*ends, count) for ends in (along, across, load)], axis=1) for _ in range(2)
     )
     motion = np.arange(count) % len(MOTIONS)
     for number, kept in ((MOTIONS.index("rotation"), 0), (MOTIONS.index("translation"), 1)):

@@ -2,7 +2,7 @@
 
 from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import Literal
+from typing import Annotated, Literal
 
 from pydantic import Field, PositiveInt
 
@@ -59,7 +59,7 @@ class ServoTrialParameters(Parameters):
     seed: int = Field(ge=0)
     trials: PositiveInt
     duration_s: float = Field(gt=0)
-    load_n: tuple[float, float]
+    load_share: tuple[Annotated[float, Field(ge=0)], Annotated[float, Field(le=1)]]
     tilt_deg: float = Field(ge=0)
     rest_s: float = Field(gt=0)
     follow_s: float = Field(gt=0)
