@@ -28,7 +28,6 @@ import numpy as np
 import pandas as pd
 
 from dissertation.dynamics.protocol.forms import CHOSEN, EpochLimits
-from dissertation.dynamics.protocol.truth import FRICTION_MODELS
 from dissertation.evidence.results import joined_results, long_table
 from structlearn.rigid_body.model_names import ROBOT
 
@@ -93,7 +92,8 @@ def _friction(table: pd.DataFrame) -> Iterable[pd.DataFrame]:
         for name, values in (("ratio", its), ("error", (its - 1.0).abs())):
             medians = values.groupby(["seed", "model"]).median()
             yield long_table("dynamics_train", f"{term}_{name}", medians, form=CHOSEN)
-    true = table[table["model"] == FRICTION_MODELS[-1]].groupby(["term", "seed"])["truth"].median()
+    once = table.drop_duplicates(["seed", "joint", "term"])  # of each model
+    true = once.groupby(["term", "seed"])["truth"].median()
     for term, unit in FRICTION_UNITS.items():
         yield long_table("dynamics_train", f"{term}_true", true[term], unit)
 

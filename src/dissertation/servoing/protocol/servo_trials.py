@@ -93,10 +93,11 @@ def draw(
     """
     along, across = covered(person, SKINS[person.skin])
     light, firm = person.load_n
-    load = tuple(light + share * (firm - light) for share in parameters.load_share)
+    low, high = (light + share * (firm - light) for share in parameters.load_share)
     count = models * parameters.trials
     start, target = (
-        np.stack([rng.uniform(*ends, count) for ends in (along, across, load)], axis=1) for _ in range(2)
+        np.stack([rng.uniform(*ends, count) for ends in (along, across, (low, high))], axis=1)
+        for _ in range(2)
     )
     motion = np.arange(count) % len(MOTIONS)
     for number, kept in ((MOTIONS.index("rotation"), 0), (MOTIONS.index("translation"), 1)):
