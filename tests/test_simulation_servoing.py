@@ -133,8 +133,8 @@ def test_drawn_trials_are_on_what_was_demonstrated():
     start, target, motion = draw(PERSON, PARAMETERS, 6, np.random.default_rng(0))
     (low, high), (left, right) = covered(PERSON, SKINS[PERSON.skin])
     for places in (start, target):
-        assert (places >= [low, left, PERSON.load_n[0]]).all()
-        assert (places <= [high, right, PERSON.load_n[1]]).all()
+        assert (places >= [low, left, 0.8]).all()
+        assert (places <= [high, right, 2.0]).all()
     moved = start != target
     np.testing.assert_array_equal(moved[:, 0], motion != MOTIONS.index("rotation"))
     np.testing.assert_array_equal(moved[:, 1], motion != MOTIONS.index("translation"))

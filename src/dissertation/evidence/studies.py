@@ -29,6 +29,7 @@ class Origin(Parameters):
     """What a cell was made by."""
 
     commit: str
+    code: str  # digest of all that it uses, see `study_cells.code_of`
     processor: str  # empty if unknown
     minutes: float  # that it took
 
@@ -52,8 +53,13 @@ class StudyProvenance(Parameters):
 
     @property
     def commits(self) -> list[str]:
-        """Commits that made its cells, sorted."""
+        """Commits that made its cells, sorted; what cells use is the same in all."""
         return sorted({origin.commit for origin in self.cells.values()})
+
+    @property
+    def code(self) -> set[str]:
+        """Digests of the code that made its cells."""
+        return {origin.code for origin in self.cells.values()}
 
 
 UNKNOWN = StudyProvenance(parameters={}, seeds=[], cells={}, check=None)  # for tables made up by tests

@@ -2,10 +2,12 @@
 
 `stages/studies/studies.yaml` describes each study, `stages/studies/dvc.yaml` lists its cells. A cell is named
 by its seeds, `13` or the range `19-26`, and writes the results of all variants of the study to
-`data/studies/<study>/<cell>`. Cells are made by committed code only, all cells of a study by the same.
+`data/studies/<study>/<cell>`. Cells are made by committed code only, all cells of a study by the same: later
+commits may change what no cell uses, such as a page.
 """
 
 import copy
+import hashlib
 import json
 import os
 import subprocess
@@ -24,7 +26,7 @@ from pydantic import Field
 from dissertation.evidence.results import FOLDER, read_results
 from dissertation.evidence.studies import KEYS, OURS, RESULTS, TABLE, Origin, read_study
 from structlearn.core.artefacts import publish, write_table
-from structlearn.core.code_digests import LIBRARY, write_code
+from structlearn.core.code_digests import CODE, LIBRARY, code_digests, write_code
 from structlearn.core.errors import InputError
 from structlearn.core.parallel import BACKEND, at_once, parallel_map
 from structlearn.core.params import Parameters, checked, read_values, value_at
@@ -129,7 +131,21 @@ def make_cell(name: str, description: Description, cell: str, root: Path) -> tup
         )
     results = run_cell(name, description, cell, root)
     minutes = round((time.monotonic() - start) / 60.0, 1)
-    return results, Origin(commit=commit, processor=processor(), minutes=minutes)
+    code = code_of(name, description, root)
+    return results, Origin(commit=commit, code=code, processor=processor(), minutes=minutes)
+
+
+def code_of(name: str, description: Description, root: Path) -> str:
+    """Digest of all code that a study's cells use: the packages that its pipeline names, and its stages."""
+    planned = read_values(root / DESCRIPTIONS.parent / "dvc.yaml")["stages"][name.replace("/", "_")]
+    every = dict(code_digests((LIBRARY, REPRODUCTION)))
+    digest = hashlib.sha256()
+    for params in planned["do"].get("params", []):
+        for key in params.get(CODE.name, []):
+            digest.update(f"{key} {every[key]}\n".encode())
+    for stage in description.stages:
+        digest.update((root / f"stages/{name.partition('/')[0]}/{stage}.py").read_bytes())
+    return digest.hexdigest()[:16]
 
 
 def write_cell(results: pd.DataFrame, origin: Origin, folder: Path) -> None:
@@ -149,15 +165,15 @@ def run_cells(descriptions: Mapping[str, Description], names: Sequence[str], roo
     write_code(root / DESCRIPTIONS.parent, (LIBRARY, REPRODUCTION))
     work = outdated_cells(names, root)
     print(plan(work, root))
-    commit = source_commit(root=root)
+    code = {name: code_of(name, descriptions[name], root) for name in names}
     failed = []
 
     def finished(item: Work, made: tuple[pd.DataFrame, Origin] | str) -> None:
         name, cell = item
         if isinstance(made, str):
             failed.append(made)
-        elif made[1].commit != commit:
-            failed.append(f"{name}, cell {cell}: made by a worker at commit {made[1].commit}, not {commit}")
+        elif made[1].code != code[name]:
+            failed.append(f"{name}, cell {cell}: made by a worker with other code, of {made[1].commit}")
         else:
             write_cell(*made, root / CELLS / name / cell)
             dvc(root, "commit", "--quiet", "--force", stage_of(name, cell))

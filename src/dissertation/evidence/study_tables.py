@@ -46,6 +46,7 @@ from structlearn.core.errors import InputError
 from structlearn.core.params import read_values
 from structlearn.core.stage import run
 from structlearn.reporting.document import render, source_commit
+from structlearn.reporting.prose import listing
 
 
 def main() -> None:
@@ -138,16 +139,17 @@ def joined(
 ) -> Study:
     """Add or replace cells of a study.
 
-    `before`: the study in git, dropped if its parameters (`made_with`) or its commit are not the cells'.
-    Raises InputError: cells are of different commits.
+    `before`: the study in git, dropped if its parameters (`made_with`) or its code are not the cells'.
+    Raises InputError: cells were made by different code.
     """
-    commits = sorted({origin.commit for _, origin in cells.values()})
-    if len(commits) > 1:
-        by_commit = {one: [cell for cell, (_, its) in cells.items() if its.commit == one] for one in commits}
-        told = "; ".join(f"{', '.join(its)} by {one}" for one, its in by_commit.items())
+    by_code: dict[str, list[str]] = {}
+    for cell, (_, origin) in cells.items():
+        by_code.setdefault(origin.code, []).append(f"{cell} by {origin.commit}")
+    if len(by_code) > 1:
+        told = "; ".join(listing(its) for its in by_code.values())
         raise InputError(f"cells of one study were made by different code: {told}; run the older ones again")
     parts, origins, check = [results for results, _ in cells.values()], {}, None
-    if before and before.made.parameters == made_with and before.made.commits == commits:
+    if before and before.made.parameters == made_with and before.made.code == set(by_code):
         parts.insert(0, before.results.query("cell not in @cells"))
         origins, check = before.made.cells, before.made.check
     origins = origins | {cell: origin for cell, (_, origin) in cells.items()}

@@ -54,9 +54,7 @@ class TouchFingerParameters(Individual):
         names = ResponseParameters.model_fields
         shared = {name: getattr(other, name) for name in names}
         between = {
-            name: spread
-            for name, spread in getattr(other, "between", {}).items()
-            if name in names and name != "bulge"
+            name: spread for name, spread in other.between.items() if name in names and name != "bulge"
         }
         return FingerParameters(**shared | self.model_dump() | {"between": between | self.between})
 
