@@ -94,7 +94,6 @@ class Claim(Parameters):
     format: str = ".2f"  # of numbers; `percent` for ratios, `share` for rates, `count` for `3 of 63`
     unit: str = ""  # of numbers, with the direction of a difference or ratio (`ms less`); else the finding's
     note: str = ""  # what else a reader must know
-    fresh: str = ""  # who, not yet run, would judge a rule that was stated after the study's result was seen
     by_construction: str = ""  # why no measurement could refute it
     simulated: Counterpart | None = None  # for claims about recorded data
 
