@@ -51,11 +51,11 @@ recorded: $(INSTALLED)  ## run the pipeline on recorded data: make recorded DATA
 	export RECORDED_DATA="$(abspath $(DATA))" $(IN_ENVIRONMENT) && python -m dissertation.recorded.sets_project && cd $(RECORDED) && \
 	  set -o pipefail && python -c "from structlearn.tasks.task_entry import read_entries, targets; [print(*targets(name)) for name in read_entries()]" | \
 	  xargs --max-procs=2 --max-lines=1 dvc --wait-for-lock repro --keep-going --single-item
-	cd $(RECORDED) && $(IN_ENVIRONMENT) dvc repro --single-item recorded_report
+	cd $(RECORDED) && $(IN_ENVIRONMENT) dvc repro --single-item recorded_people recorded_report
 	mkdir -p $(QUOTED) reports/tasks
 	cp -r $(RECORDED)/reports/recorded reports
 	cd $(RECORDED)/reports/tasks && tar -c --exclude=rerun . | tar -x -C $(CURDIR)/reports/tasks
-	cd reports/recorded && cp tables/claims.csv metrics.json findings.csv $(CURDIR)/$(QUOTED)
+	cd reports/recorded && cp tables/claims.csv tables/people.csv metrics.json findings.csv $(CURDIR)/$(QUOTED)
 	$(IN_ENVIRONMENT) dvc repro --single-item report
 	@$(call TABLE_OF_README,findings,reports/findings.md)
 	@$(BIN)/python -m structlearn.core.stage
@@ -86,21 +86,15 @@ profile: $(INSTALLED)  ## draw a flame graph of a stage: make profile STAGE=stag
 	mkdir -p $(dir $(PROFILE))
 	$(BIN)/py-spy record --subprocesses --output $(PROFILE) -- $(BIN)/python $(STAGE)
 
-# More people, seeds and robots than the pipeline has time for, cell by cell (stages/studies); the tables in git take
-# what was run. Hours for all; goes on where it was stopped.
-STUDY = $(if $(NAME),$(subst /,_,$(NAME)))
+# More people, seeds and robots than the pipeline has time for, cell by cell (stages/studies), as many at once as there
+# are cores, or on a cluster (docs/parameters.md). Says first how long it takes; goes on where it was stopped.
 STUDY_TABLES := python -m dissertation.evidence.study_tables
 studies: $(INSTALLED)  ## run all studies (takes hours), or one: make studies NAME=servoing/people
-	$(IN_ENVIRONMENT) $(STUDY_TABLES) --code
-	cd stages/studies && $(IN_ENVIRONMENT) dvc repro --keep-going $(STUDY)
 	$(IN_ENVIRONMENT) $(STUDY_TABLES) $(NAME)
 
 # Whether the current code reproduces the studies; if so, DVC accepts the existing cells.
 studies-check: $(INSTALLED)  ## repeat one cell of each study and compare it with the table
 	$(IN_ENVIRONMENT) $(STUDY_TABLES) --check $(NAME)
-	$(IN_ENVIRONMENT) $(STUDY_TABLES) --code
-	cells=$$(cd data/studies && ls -d $(or $(NAME),*/*)/* | sed 's|/|_|; s|/|@|') || exit 0; \
-	  cd stages/studies && $(IN_ENVIRONMENT) dvc commit --force $$cells
 
 # Verdicts and files of the pipeline that differ from the last commit.
 verdicts: $(INSTALLED)  ## list verdicts and files that differ from the last commit

@@ -184,7 +184,7 @@ def grown_stages() -> list[dict[str, Any]]:
     """Time and memory of a task's stages at all numbers of demonstrations.
 
     Executions and corrections, in two settings, are the demonstrations again. The first `STARTED` count as
-    the start of a stage, which loads libraries on the way: sizes and costs are those of the others.
+    the start of a stage, whose memory includes its libraries: sizes and costs are those of the others.
     """
     points, start = [], dict[str, tuple[float, float]]()
     with tempfile.TemporaryDirectory() as made:
@@ -228,14 +228,17 @@ def _make_project(project: Path, bags: Sequence[Path]) -> None:
 
 
 RUN = """
-import atexit, os, runpy, sys
-status = open("/proc/self/status")
-peak = lambda: int(status.read().split("VmHWM:")[1].split()[0]) / 1024
-atexit.register(lambda: print(1e3 * sum(os.times()[:4]), peak()))
-runpy.run_module(sys.argv.pop(1), run_name="__main__", alter_sys=True)
+import os, runpy, sys
+module = sys.argv.pop(1)
+for _ in range(2):
+    begin = sum(os.times()[:4])
+    runpy.run_module(module, run_name="__main__", alter_sys=True)
+spent = 1e3 * (sum(os.times()[:4]) - begin)
+print(spent, int(open("/proc/self/status").read().split("VmHWM:")[1].split()[0]) / 1024)
 """
-"""Runs a module and prints last what the process has spent: ms, and the peak of resident memory in MB. The
-peak that a parent is told of is at least its own, since a child begins with its memory."""
+"""Runs a module twice and prints last what the second run, with all libraries loaded, has spent in ms, and
+the peak of resident memory in MB. The peak that a parent is told of is at least its own, since a child begins
+with its memory."""
 
 
 def _spent(stage: str, task: str, folder: Path) -> tuple[float, ...]:

@@ -1,6 +1,7 @@
 """Public sets: one that is here, one that is not, and the page over both; the commands that make them."""
 
 import re
+import shutil
 from collections.abc import Iterator
 from pathlib import Path
 
@@ -10,9 +11,10 @@ import yaml
 from committed import ROOT, merged, run_stages
 from test_own_demonstrations import QUICK, REACH, write_reach
 
-from dissertation.evidence.claims import claims_table
+from dissertation.evidence.claims import QUOTED, claims_table
 from dissertation.recorded import recorded_index, set_page
 from dissertation.recorded import sets_project as project_of_sets
+from dissertation.recorded.people import PEOPLE
 from dissertation.recorded.recorded_index import publish_index, reload_verdicts
 from structlearn.core.errors import InputError
 from structlearn.reporting.document import words_in_view
@@ -63,6 +65,7 @@ def project(tmp_path_factory) -> Iterator[Path]:
         page = ROOT / "stages/recorded/report.py"
         run_stages("moves", "import_task", *learning, page)
         run_stages("arm", "import_task", "learn", page)
+        shutil.copy(ROOT / QUOTED / "people.csv", PEOPLE)
         publish_index()
         yield folder
 
@@ -84,6 +87,9 @@ def test_the_index_says_what_the_pages_of_the_sets_say(inside):
     assert Path("data/tasks/arm/motion/absent.txt").exists()
     assert "Not recorded here" in Path("reports/tasks/arm/index.html").read_text()
     assert "Of 1 statements that were also tested in simulation, 1 have the same verdict" in page
+    assert 'id="table-people"' in page
+    quoted = ROOT / QUOTED / "people.csv"
+    assert Path("reports/recorded/tables/people.csv").read_bytes() == quoted.read_bytes()
     assert words_in_view(page) < 1000
 
 

@@ -1,18 +1,24 @@
 """Studies: cells run the stages of a testbed with other seeds; tables say with which parameters and code."""
 
+import json
+import os
 import runpy
+import socket
 import subprocess
-from contextlib import chdir
+import sys
+from contextlib import ExitStack, chdir
 from pathlib import Path
 
+import dask
 import numpy as np
 import pandas as pd
 import pytest
 import yaml
 from committed import ROOT, read_yaml
+from distributed import Client
 from import_graph import packages
 
-from dissertation.evidence import study_tables
+from dissertation.evidence import study_cells, study_tables
 from dissertation.evidence.studies import (
     RESULTS,
     Check,
@@ -24,21 +30,19 @@ from dissertation.evidence.studies import (
     rests_on,
     stored_study,
 )
-from dissertation.evidence.study_tables import (
+from dissertation.evidence.study_cells import (
     CELLS,
     Description,
     changed,
-    check_study,
-    compare,
-    join_study,
-    joined,
-    made_with,
+    make_cell,
     read_descriptions,
     run_cell,
+    run_cells,
     seeds_of,
     write_cell,
 )
-from structlearn.core import code_digests
+from dissertation.evidence.study_tables import check_study, compare, join_study, joined, made_with
+from structlearn.core import code_digests, parallel
 from structlearn.core.artefacts import write_table
 from structlearn.core.errors import InputError
 from structlearn.reporting.document import UNKNOWN_COMMIT, source_commit
@@ -60,6 +64,12 @@ count.write_text(str(int(count.read_text() if count.exists() else 0) + 1))
 if learn['seed'] == 66:
     raise SystemExit('no such person')
 Path('data/learnt.txt').write_text(str(learn['seed'] * learn['steps']))
+"""
+KILL = """    killed = Path('{folder}/killed')
+    if not killed.exists():
+        killed.touch()
+        import os
+        os.kill(os.getppid(), 9)
 """
 REDUCE = """
 import pandas as pd
@@ -89,6 +99,9 @@ def scripts(tmp_path):
         path.write_text(text)
     stages = {"toy_learn": {"params": ["learn.steps", "learn.seed"]}, "toy_results": {"params": ["results"]}}
     (tmp_path / "dvc.yaml").write_text(yaml.safe_dump({"stages": stages}))
+    cells = tmp_path / "stages/studies/dvc.yaml"
+    cells.parent.mkdir()
+    cells.write_text(yaml.safe_dump({"stages": {"toy_people": {"foreach": [9, 10], "do": {}}}}))
     values = {"learn": {"steps": 4, "seed": 1}, "results": {"factor": 1}, "people": {"test": [1, 2]}}
     (tmp_path / "params.yaml").write_text(yaml.safe_dump(values))
     return tmp_path
@@ -102,14 +115,14 @@ def toy(scripts, monkeypatch):
         with chdir(folder):
             runpy.run_path(script)
 
-    monkeypatch.setattr(study_tables, "run_stage", run_stage)
+    monkeypatch.setattr(study_cells, "run_stage", run_stage)
     return scripts
 
 
 def run(toy, *cells):
     """Run cells, and join them with the tables in git."""
     for cell in cells:
-        write_cell(run_cell(NAME, DESCRIPTION, cell, toy), toy / CELLS / NAME / cell, toy)
+        write_cell(*make_cell(NAME, DESCRIPTION, cell, toy), toy / CELLS / NAME / cell)
     join_study(NAME, DESCRIPTION, toy)
     return stored_study(toy / RESULTS / NAME)
 
@@ -149,8 +162,11 @@ def test_cells_are_joined_with_those_in_git(toy):
     assert each(study.results, "cost") == [36, 40]
     assert each(study.results, "cost", "published") == [360, 400]
     (toy / "stages/toy/learn.py").write_text(LEARN.replace(*MORE_STEPS))
-    assert each(run(toy, "10").results, "cost") == [36, 41]  # run anew by other code
-    more = {"8": (run_cell(NAME, DESCRIPTION, "8", toy), ORIGIN)}
+    with pytest.raises(InputError, match="cells of one study were made by different code"):
+        run(toy, "10")
+    assert each(run(toy, "9").results, "cost") == [37, 41]  # both by the other code
+    own = study.made.cells["9"]
+    more = {"8": (run_cell(NAME, DESCRIPTION, "8", toy), own)}
     assert list(joined(study, more, study.made.parameters, DESCRIPTION).made.cells) == ["8", "9", "10"]
     values = yaml.safe_load((toy / "params.yaml").read_text())
     (toy / "params.yaml").write_text(yaml.safe_dump(values | {"results": {"factor": 2}}))
@@ -159,6 +175,11 @@ def test_cells_are_joined_with_those_in_git(toy):
         check_study(NAME, DESCRIPTION, toy)
     alone = joined(study, more, made_with(NAME, DESCRIPTION, toy), DESCRIPTION)
     assert list(alone.made.cells) == ["8"]  # the others say nothing with these parameters
+    later = {"8": (more["8"][0], LATER)}
+    alone = joined(study, later, study.made.parameters, DESCRIPTION)
+    assert list(alone.made.cells) == ["8"]  # nor those of other code
+    with pytest.raises(InputError, match=r"different code: 8 by e4f5a6b; 7 by .+; run the older ones again"):
+        joined(study, later | {"7": more["8"]}, study.made.parameters, DESCRIPTION)
     (toy / CELLS / NAME / "9/cell.json").write_text("{}")
     with pytest.raises(InputError, match=r"cell\.json: cell\.commit: Field required"):
         join_study(NAME, DESCRIPTION, toy)
@@ -189,7 +210,9 @@ def test_a_cell_that_was_run_again_is_held_against_the_table(toy):
     assert check_study(NAME, DESCRIPTION, toy) == ["toy/people: cost"]
 
 
-ORIGIN, LATER = (Origin(commit=commit, processor="here") for commit in ("a1b2c3d", "e4f5a6b"))
+ORIGIN, LATER = (
+    Origin(commit=commit, code=commit, processor="here", minutes=2.0) for commit in ("a1b2c3d", "e4f5a6b")
+)
 CHECK = Check(cell="3", commit="0a1b2c3", compared=70, different=[])
 
 
@@ -235,7 +258,114 @@ def test_the_commit_of_sources_says_whether_they_are_as_committed(tmp_path, monk
     assert source_commit(["src"], tmp_path) == UNKNOWN_COMMIT
 
 
-DESCRIPTIONS = read_descriptions(ROOT / study_tables.DESCRIPTIONS)
+@pytest.fixture
+def planned(scripts, monkeypatch):
+    """The project of two stages in git, with a study of three cells, the last of which fails."""
+    folder = scripts / "stages/studies"
+    (folder / ".dvc").mkdir(parents=True)
+    (folder / ".dvc/config").write_text("[core]\n    analytics = false\n    no_scm = true\n")
+    cmd = f"cd ../.. && {sys.executable} stages/studies/cell.py toy/people ${{item}}"
+    outs = [{f"../../{CELLS}/{NAME}/${{item}}": {"cache": False}}]
+    cells = {"foreach": [9, 10, 66], "do": {"cmd": cmd, "deps": ["../toy"], "outs": outs}}
+    (folder / "dvc.yaml").write_text(yaml.safe_dump({"stages": {"toy_people": cells}}))
+    (scripts / ".gitignore").write_text("data/\ndvc.lock\n.structlearn.yaml\ntmp/\n__pycache__/\nreports/\n")
+    git(scripts, "init")
+    commit(scripts, "a study")
+    monkeypatch.chdir(scripts)
+    monkeypatch.setattr(study_cells, "write_code", lambda *_: None)
+    return scripts
+
+
+def git(folder, *arguments):
+    who = ("-c", "user.name=a", "-c", "user.email=a@b")
+    subprocess.run(["git", "-C", folder, *who, *arguments], check=True, capture_output=True)
+
+
+def commit(folder, message):
+    git(folder, "add", ".")
+    git(folder, "commit", "-m", message)
+
+
+def test_all_cells_run_but_those_that_are_up_to_date_and_the_plan_says_how_long(planned, capsys):
+    with pytest.raises(InputError, match=r"cell 66: stages/toy/learn\.py: no such person"):
+        run_cells({NAME: DESCRIPTION}, [NAME], planned)
+    said = capsys.readouterr().out
+    assert "toy/people: 3 cells, never timed before\n3 cells to run, 1 at once\n" in said
+    assert said.count("minutes\n") == 2  # the cells that did not fail
+    made = json.loads((planned / CELLS / NAME / "9/cell.json").read_text())
+    assert made["commit"] == source_commit(root=planned)
+    assert "toy_people@9:" in (planned / "stages/studies/dvc.lock").read_text()
+    join_study(NAME, DESCRIPTION, planned)
+    with pytest.raises(InputError, match="cell 66"):
+        run_cells({NAME: DESCRIPTION}, [NAME], planned)
+    again = capsys.readouterr().out
+    assert "toy/people: 1 cell, about 0 minutes each\n1 cell to run, 1 at once, about 0.0 h\n" in again
+
+    (planned / "stages/toy/learn.py").write_text(LEARN.replace(*MORE_STEPS))
+    with pytest.raises(InputError, match=r"cell 9: the sources differ from commit \w+: commit them first"):
+        run_cells({NAME: DESCRIPTION}, [NAME], planned)
+    commit(planned, "more steps")
+    with pytest.raises(InputError, match="cell 66"):
+        run_cells({NAME: DESCRIPTION}, [NAME], planned)
+    join_study(NAME, DESCRIPTION, planned)
+    assert each(stored_study(planned / RESULTS / NAME).results, "cost") == [37, 41]
+
+
+@pytest.fixture
+def two_workers(planned):
+    """A scheduler and two Dask workers, started in the project's folder."""
+    with socket.socket() as one:
+        one.bind(("127.0.0.1", 0))
+        address = f"tcp://127.0.0.1:{one.getsockname()[1]}"
+    scheduler = ["scheduler", "--host", "127.0.0.1", "--port", address.rpartition(":")[2], "--no-dashboard"]
+    worker = ["worker", address, "--no-nanny", "--no-dashboard", "--nthreads", "1"]
+    path = os.pathsep.join(str(ROOT / part) for part in ("src", "tests"))
+    with ExitStack() as ends:
+        for name, *its in (scheduler, worker, worker):
+            command = [sys.executable, "-m", f"distributed.cli.dask_{name}", *its]
+            process = subprocess.Popen(
+                command, cwd=planned, env=os.environ | {"PYTHONPATH": path}, stderr=subprocess.DEVNULL
+            )
+            ends.callback(process.wait)
+            ends.callback(process.kill)
+        yield address
+
+
+def test_a_cell_runs_again_when_its_worker_is_killed(planned, two_workers, monkeypatch, capsys):
+    """Two workers; the first that runs person 66 is killed, and the other does the rest."""
+    deadly = LEARN.replace("    raise SystemExit('no such person')\n", KILL.format(folder=planned))
+    (planned / "stages/toy/learn.py").write_text(deadly)
+    commit(planned, "a person who ends the first worker")
+    monkeypatch.setenv(parallel.BACKEND, "dask")
+    monkeypatch.setattr(parallel, "WORKERS_S", 30.0)
+    with dask.config.set({"scheduler-address": two_workers}):
+        try:
+            Client(two_workers).wait_for_workers(2)
+            run_cells({NAME: DESCRIPTION}, [NAME], planned)
+        finally:
+            Client.current().close()
+    said = capsys.readouterr().out
+    assert "3 cells to run, 2 at once" in said
+    assert (planned / "killed").exists()
+    assert sorted(path.name for path in (planned / CELLS / NAME).iterdir()) == ["10", "66", "9"]
+    join_study(NAME, DESCRIPTION, planned)
+    assert each(stored_study(planned / RESULTS / NAME).results, "cost") == [36, 40, 264]
+
+
+def test_a_worker_with_other_code_adds_no_cell(planned, monkeypatch):
+    make = study_cells.make_cell
+
+    def elsewhere(name, description, cell, root):
+        results, origin = make(name, description, cell, root)
+        return results, origin.model_copy(update={"commit": "0a1b2c3", "code": "other"})
+
+    monkeypatch.setattr(study_cells, "make_cell", elsewhere)
+    with pytest.raises(InputError, match="cell 9: made by a worker with other code, of 0a1b2c3"):
+        run_cells({NAME: DESCRIPTION}, [NAME], planned)
+    assert not (planned / CELLS / NAME / "9").exists()
+
+
+DESCRIPTIONS = read_descriptions(ROOT / study_cells.DESCRIPTIONS)
 POPULATIONS = {"obstacles": "obstacle_people", "dynamics": "dynamics_robots", "servoing": "servo_people"}
 
 
@@ -251,7 +381,7 @@ def test_every_study_names_what_is_there_and_nobody_on_whom_constants_were_chose
     params = {file: set(keys) for one in planned["do"]["params"] for file, keys in one.items()}
     assert params["../../params.yaml"] == upstream
     scripts = [root / f"stages/{testbed}/{stage}.py" for stage in description.stages]
-    houses = (code_digests.LIBRARY, study_tables.REPRODUCTION)
+    houses = (code_digests.LIBRARY, study_cells.REPRODUCTION)
     assert params[".structlearn.yaml"] == {
         code_digests.code_key(package, house)
         for package in packages(root / "stages/studies/cell.py", *scripts)

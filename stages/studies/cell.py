@@ -3,7 +3,7 @@
 import sys
 from pathlib import Path
 
-from dissertation.evidence.study_tables import CELLS, read_descriptions, run_cell, write_cell
+from dissertation.evidence.study_cells import CELLS, make_cell, read_descriptions, write_cell
 from structlearn.core.errors import InputError
 from structlearn.core.stage import run
 
@@ -13,8 +13,7 @@ def main() -> None:
     if len(words) != 2 or words[0] not in descriptions:
         raise InputError(f"{sys.argv[0]}: needs a study and a cell of it; studies: {', '.join(descriptions)}")
     name, cell = words
-    results = run_cell(name, descriptions[name], cell, Path.cwd())
-    write_cell(results, CELLS / name / cell, Path.cwd())
+    write_cell(*make_cell(name, descriptions[name], cell, Path.cwd()), CELLS / name / cell)
 
 
 if __name__ == "__main__":

@@ -1,7 +1,7 @@
 """Studies: results for larger populations than one run of the pipeline, kept in git for pages.
 
 The pipeline `stages/studies/dvc.yaml` makes them cell by cell: a cell runs a testbed's stages with other
-seeds for its people or robots (`dissertation.evidence.study_tables`). This module holds what pages need:
+seeds for its people or robots (`dissertation.evidence.study_cells`). This module holds what pages need:
 `reports/studies/<study>` has the results of all cells (`dissertation.evidence.results`) and `study.json` with
 their parameters and each cell's commit. A page counts rows that were found with its own parameters.
 """
@@ -26,10 +26,12 @@ TABLE = "results.parquet"
 
 
 class Origin(Parameters):
-    """Commit and processor that produced a cell."""
+    """What a cell was made by."""
 
     commit: str
+    code: str  # digest of all that it uses, see `study_cells.code_of`; empty if unknown
     processor: str  # empty if unknown
+    minutes: float | None  # that it took; None if unknown
 
 
 class Check(Parameters):
@@ -48,6 +50,22 @@ class StudyProvenance(Parameters):
     seeds: list[str]  # parameters that vary by cell, which the digests leave out
     cells: dict[str, Origin]
     check: Check | None  # None until a cell was run again
+
+    @property
+    def commits(self) -> list[str]:
+        """Commits that made its cells, sorted; what cells use is the same in all."""
+        return sorted({origin.commit for origin in self.cells.values()})
+
+    @property
+    def minutes_each(self) -> float:
+        """Mean of the minutes that cells took, NaN if it is unknown."""
+        known = [origin.minutes for origin in self.cells.values() if origin.minutes is not None]
+        return sum(known) / len(known) if known else float("nan")
+
+    @property
+    def code(self) -> set[str]:
+        """Digests of the code that made its cells."""
+        return {origin.code for origin in self.cells.values()}
 
 
 UNKNOWN = StudyProvenance(parameters={}, seeds=[], cells={}, check=None)  # for tables made up by tests

@@ -1,35 +1,22 @@
-"""Studies: cells that run a testbed for other people or robots, and results in git that join the cells.
+"""Studies in git that join their cells, and the page that lists them.
 
-`stages/studies/studies.yaml` describes each study, `stages/studies/dvc.yaml` lists its cells. A cell is named
-by its seeds, `13` or the range `19-26`, and writes the results of all variants of the study to
-`data/studies/<study>/<cell>`. `python -m dissertation.evidence.study_tables` joins the cells that were run
-into `reports/studies/<study>`; with `--check [NAME ...]` it runs one cell of each study again and compares it
-with the study. No DVC stage does this: pages read these results, so `dvc repro` of a page would first run
-hours of studies.
+`python -m dissertation.evidence.study_tables [NAME ...]` runs the cells that are not up to date
+(`study_cells`) and joins them into `reports/studies/<study>`; with `--check` it runs one cell of each study
+again and compares it with the study. No DVC stage does this: pages read these results, so `dvc repro` of a
+page would first run hours of studies.
 """
 
 import argparse
-import copy
-import os
-import subprocess
-import sys
-import tempfile
 from collections.abc import Mapping
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 import pandas as pd
-import yaml
-from pydantic import Field
 
 from dissertation.evidence.judged_page import TEMPLATES, JudgedDocument
-from dissertation.evidence.results import FOLDER, read_results
 from dissertation.evidence.studies import (
-    KEYS,
     OURS,
     RESULTS,
-    TABLE,
     Check,
     Origin,
     Study,
@@ -39,118 +26,27 @@ from dissertation.evidence.studies import (
     stored,
     stored_study,
 )
-from structlearn.core.artefacts import publish, write_table
+from dissertation.evidence.study_cells import (
+    CELLS,
+    DESCRIPTIONS,
+    REPRODUCTION,
+    Description,
+    dvc,
+    planned_cells,
+    publish_results,
+    read_descriptions,
+    run_cell,
+    run_cells,
+    seeds_of,
+    stage_of,
+)
+from structlearn.core.artefacts import publish
 from structlearn.core.code_digests import LIBRARY, write_code
 from structlearn.core.errors import InputError
-from structlearn.core.params import Parameters, checked, read_values, value_at
+from structlearn.core.params import read_values
 from structlearn.core.stage import run
 from structlearn.reporting.document import render, source_commit
-
-DESCRIPTIONS = Path("stages/studies/studies.yaml")
-REPRODUCTION = Path(__file__).parents[1]
-CELLS = Path("data/studies")
-
-
-class Variant(Parameters):
-    """What a variant of a study changes besides the seeds."""
-
-    parameters: dict[str, Any]  # by dotted key
-    first: str  # first stage to run; results of earlier stages are those of the preceding variants
-
-
-class Description(Parameters):
-    """A study."""
-
-    question: str
-    seeds: list[str] = Field(min_length=1)  # parameters set to a cell's seeds, by dotted key
-    stages: list[str] = Field(min_length=1)  # scripts of the testbed, in order; the last is `results`
-    variants: dict[str, Variant] = Field(default_factory=dict)  # besides the pipeline's, `OURS`
-
-
-def read_descriptions(path: Path = DESCRIPTIONS) -> dict[str, Description]:
-    """All studies by name, e.g. `scraping/people`. Raises InputError: a key is missing, unknown or twice."""
-    return {name: checked(its, Description, path, name) for name, its in read_values(path).items()}
-
-
-def seeds_of(cell: str) -> list[int]:
-    """Seeds of a cell: `13` is one, `19-26` are eight. Raises InputError for other names."""
-    first, _, last = cell.partition("-")
-    try:
-        seeds = list(range(int(first), int(last or first) + 1))
-    except ValueError as error:
-        raise InputError(f"cell {cell}: not a seed, nor a range of seeds such as 19-26") from error
-    if not seeds:
-        raise InputError(f"cell {cell}: no seed; {last} is below {first}")
-    return seeds
-
-
-def changed(values: Mapping[str, Any], changes: Mapping[str, Any]) -> dict[str, Any]:
-    """Copy of `params.yaml` values with changes by dotted key. Raises InputError: a key is absent."""
-    result = copy.deepcopy(dict(values))
-    for key, value in changes.items():
-        *parents, last = key.split(".")
-        place = result
-        for part in parents:
-            place = place.get(part, {})
-        if last not in place:
-            raise InputError(f"params.yaml: key '{key}' is missing, which a study changes")
-        place[last] = value
-    return result
-
-
-def run_cell(name: str, description: Description, cell: str, root: Path) -> pd.DataFrame:
-    """Run the stages of a study for one cell; return its results, below the columns `KEYS`."""
-    testbed, seeds, parameters = name.partition("/")[0], seeds_of(cell), root / "params.yaml"
-    values = read_values(parameters)
-    own = {
-        key: seeds if isinstance(value_at(parameters, key), list) else seeds[0] for key in description.seeds
-    }
-    variants = {OURS: Variant(parameters={}, first=description.stages[0])} | description.variants
-    made = []
-    with tempfile.TemporaryDirectory() as temporary:
-        folder = Path(temporary)
-        for linked in ("stages", "dvc.yaml", "dvc.lock", "reports/quoted"):
-            (folder / linked).parent.mkdir(parents=True, exist_ok=True)
-            (folder / linked).symlink_to(root / linked)
-        for variant, its in variants.items():
-            text = yaml.safe_dump(changed(values, own | its.parameters), sort_keys=False)
-            (folder / "params.yaml").write_text(text, encoding="utf-8")
-            for stage in description.stages[description.stages.index(its.first) :]:
-                run_stage(f"stages/{testbed}/{stage}.py", folder, root, cell)
-            results = read_results(testbed, folder / FOLDER).assign(variant=variant, cell=cell)
-            made.append(results[[*KEYS, *results.columns.drop(KEYS)]])
-    return pd.concat(made, ignore_index=True)
-
-
-def run_stage(script: str, folder: Path, root: Path, cell: str) -> None:
-    """Run a stage's script in the folder of a cell. Raises InputError if it fails."""
-    path = os.pathsep.join(filter(None, [str(root / "src"), os.environ.get("PYTHONPATH")]))
-    environment = {name: value for name, value in os.environ.items() if name != "DVC_STAGE"}
-    options: dict[str, Any] = {"cwd": folder, "env": environment | {"PYTHONPATH": path}, "text": True}
-    done = subprocess.run([sys.executable, script], capture_output=True, check=False, **options)
-    if done.returncode:
-        raise InputError(f"cell {cell}: {script}: {(done.stderr.strip() or 'failed').splitlines()[-1]}")
-
-
-def write_cell(results: pd.DataFrame, folder: Path, root: Path) -> None:
-    """Publish a cell's results, with the commit of the code that made them."""
-    origin = Origin(commit=source_commit(root=root), processor=processor())
-    publish_results(results, origin, folder / "cell.json")
-
-
-def publish_results(results: pd.DataFrame, made: Parameters, path: Path) -> None:
-    """Publish results together with a file on their provenance, in that file's folder."""
-    with publish(path.parent) as folder:
-        folder.mkdir()
-        write_table(results, folder / TABLE)
-        (folder / path.name).write_text(made.model_dump_json(indent=2) + "\n", encoding="utf-8")
-
-
-def processor() -> str:
-    """Processor type, on which compiled code and library kernels depend."""
-    from llvmlite import binding
-
-    return os.environ.get("NUMBA_CPU_NAME") or binding.get_host_cpu_name()
+from structlearn.reporting.prose import listing
 
 
 def main() -> None:
@@ -158,24 +54,27 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("names", nargs="*", help="e.g. scraping/people; default all")
     parser.add_argument("--check", action="store_true", help="run one cell of each again")
-    parser.add_argument("--code", action="store_true", help="write the digests of the code that cells use")
     given, root, descriptions = parser.parse_args(), Path.cwd(), read_descriptions()
     if unknown := sorted(set(given.names) - set(descriptions)):
         raise InputError(f"no study {', '.join(unknown)}; there are {', '.join(descriptions)}")
-    if given.code:
-        write_code(DESCRIPTIONS.parent, (LIBRARY, REPRODUCTION))
-        return
-    different = []
-    for name in given.names or descriptions:
-        if given.check:
+    names, different = given.names or list(descriptions), []
+    if given.check:
+        for name in names:
             different += check_study(name, descriptions[name], root)
-        else:
+    else:
+        run_cells(descriptions, names, root)
+        for name in names:
             join_study(name, descriptions[name], root)
     with publish(RESULTS / "index.html") as path:
         path.write_text(studies_page(descriptions), encoding="utf-8")
     print(f"{RESULTS}/index.html is up to date")
     if different:
         raise InputError(f"the present code gives other numbers: {', '.join(different)}")
+    if given.check:  # DVC need not run the cells again
+        write_code(root / DESCRIPTIONS.parent, (LIBRARY, REPRODUCTION))
+        for name in names:
+            for path in sorted((root / CELLS / name).glob("*/cell.json")):
+                dvc(root, "commit", "--quiet", "--force", stage_of(name, path.parent.name))
 
 
 def join_study(name: str, description: Description, root: Path) -> None:
@@ -211,7 +110,17 @@ def studies_page(descriptions: Mapping[str, Description]) -> str:
     found = {name: stored_study(RESULTS / name) for name in names}
     told = {name: provenance(study) for name, study in found.items()}
     moved = {name: moved_parameters(name, descriptions[name], study) for name, study in found.items()}
-    facts = {"descriptions": descriptions, "studies": found, "provenance": told, "moved": moved}
+    cells = {name: planned_cells(name) for name in names}
+    facts = {
+        "descriptions": descriptions,
+        "studies": found,
+        "provenance": told,
+        "moved": moved,
+        "planned": {name: len(its) for name, its in cells.items()},
+        "individuals": {
+            name: sum(len(seeds_of(cell)) for cell in study.made.cells) for name, study in found.items()
+        },
+    }
     document = JudgedDocument("studies.html.jinja", TEMPLATES, facts=facts, simulated=True)
     return render(document, figures={})
 
@@ -230,10 +139,17 @@ def joined(
 ) -> Study:
     """Add or replace cells of a study.
 
-    `before`: the study in git, dropped if its parameters are not the cells' (`made_with`).
+    `before`: the study in git, dropped if its parameters (`made_with`) or its code are not the cells'.
+    Raises InputError: cells were made by different code.
     """
+    by_code: dict[str, list[str]] = {}
+    for cell, (_, origin) in cells.items():
+        by_code.setdefault(origin.code, []).append(f"{cell} by {origin.commit}")
+    if len(by_code) > 1:
+        told = "; ".join(listing(its) for its in by_code.values())
+        raise InputError(f"cells of one study were made by different code: {told}; run the older ones again")
     parts, origins, check = [results for results, _ in cells.values()], {}, None
-    if before and before.made.parameters == made_with:
+    if before and before.made.parameters == made_with and before.made.code == set(by_code):
         parts.insert(0, before.results.query("cell not in @cells"))
         origins, check = before.made.cells, before.made.check
     origins = origins | {cell: origin for cell, (_, origin) in cells.items()}

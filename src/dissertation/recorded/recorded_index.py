@@ -4,11 +4,14 @@ from collections.abc import Collection, Mapping
 from pathlib import Path
 from typing import Any
 
+import pandas as pd
+
 from dissertation.evidence.claims import Judged, combined, read_claims, rendered, verdict_in
 from dissertation.evidence.judged_page import JudgedDocument, publish_judged
+from dissertation.recorded.people import COLUMNS, PEOPLE
 from structlearn.core.artefacts import read_csv
 from structlearn.core.params import read_values, value_at
-from structlearn.reporting.document import environment
+from structlearn.reporting.document import Source, Table, environment
 from structlearn.reporting.evidence import NOT_TESTED, Evidence
 from structlearn.reporting.findings import Findings, read_findings, values_by_key
 from structlearn.tasks.task_entry import read_entries
@@ -16,6 +19,7 @@ from structlearn.tasks.task_files import TaskFiles
 
 HERE, CLONE = Path(__file__).parent, Path("../..")  # the second: of the project of public sets
 REPORT, QUOTED = Path("reports/recorded"), HERE / "recorded.yaml"
+HEADINGS = {"between_std": "between people", "within_std": "within a person", "share": "share between"}
 
 
 def publish_index() -> None:
@@ -26,16 +30,21 @@ def publish_index() -> None:
     judged = [claim for one in sets for claim in reload_verdicts(one["name"], one["title"])]
     both = [one for one in judged if one.simulated not in ("", NOT_TESTED) and one.verdict != NOT_TESTED]
     alike = sum(one.verdict == one.simulated for one in both)
+    people = read_csv(PEOPLE) if PEOPLE.exists() else pd.DataFrame(columns=COLUMNS)
+    words = {"quantity": {name: name.partition("_")[0] for name in people["quantity"]}}
+    shown = Table(people, dict.fromkeys(COLUMNS[4:10], ".3f"), HEADINGS, words=words)
     page = JudgedDocument(
         template="recorded_index.html.jinja",
         package=__package__,
         stage="recorded_report",
-        facts={"sets": sets, "in_both": len(both), "alike": alike},
+        facts={"sets": sets, "in_both": len(both), "alike": alike, "people": people},
+        tables={"people": shown},
+        sources={"people": Source(PEOPLE.as_posix(), "recorded_people")},
         judged=judged,
         clone=str(CLONE),
         command="make recorded DATA=FOLDER",
     )
-    publish_judged(REPORT, {"index": page}, {}, {}, headlines(quoted, names))
+    publish_judged(REPORT, {"index": page}, {}, page.tables, headlines(quoted, names))
 
 
 def summary(files: TaskFiles, quoted: Mapping[str, Any]) -> dict[str, Any]:

@@ -51,28 +51,35 @@ def parallel_map(
     description: str,
     lost: Callable[[Item], Result] | None = None,
     local: bool = False,
+    finished: Callable[[Item, Result], None] | None = None,
 ) -> list[Result]:
     """Apply a picklable function to every item, in processes; results are in the order of the items.
 
     Randomness must come from a seed in the item. A process may die, out of memory or by a crash in compiled
     code. With `lost`, items without a result are then run again one at a time, and an item that kills its
     process again has the result `lost(item)`. `local`: the work needs files of this machine, so it does not
-    run on a cluster. Raises InputError: an environment variable is invalid, or the cluster cannot be reached,
+    run on a cluster. `finished` is called here with each item and its result as soon as it is there. Raises
+    InputError: an environment variable is invalid, or the cluster cannot be reached,
     ends before the work, or has a worker that is not pinned although this process is (`processor`);
     RuntimeError: a process died, and there is no `lost`.
     """
-    work = list(items)
-    backend = os.environ.get(BACKEND, "fork")
-    if backend not in ("fork", "dask", "sequential"):
-        raise InputError(f"{BACKEND}={backend}: is not one of fork, dask, sequential")
+    work, backend = list(items), _backend()
     bar = partial(tqdm, desc=description, leave=False, disable=None)  # only on a terminal
+    results: dict[int, Result] = {}
+
+    def keep(place: int, result: Result) -> None:
+        results[place] = result
+        if finished:
+            finished(work[place], result)
+
     if backend == "sequential":
         with threadpool_limits(1):  # as in processes: products of matrices depend on the number of threads
-            return [function(item) for item in bar(work)]
+            for place, item in enumerate(bar(work)):
+                keep(place, function(item))
+        return list(results.values())
     cluster = backend == "dask" and not local
     if cluster and processor.pinned():
         function = partial(_pinned_call, function)
-    results: dict[int, Result] = {}
     with bar(total=len(work)) as progress:
 
         def take(places: Iterable[int]) -> None:
@@ -85,7 +92,8 @@ def parallel_map(
                         running[pool.submit(partial(function, work[place]))] = place
                 for future in _completed(running, check):
                     with suppress(death):
-                        results[running[future]] = future.result()
+                        result = future.result()
+                        keep(running[future], result)
                         progress.update()
             except (CancelledError, OSError):
                 check()  # is it the item's own error, or has the cluster ended?
@@ -104,7 +112,7 @@ def parallel_map(
                 )
             take([place])
             if place not in results:
-                results[place] = lost(work[place])
+                keep(place, lost(work[place]))
                 progress.update()
     return [results[place] for place in range(len(work))]
 
@@ -132,13 +140,35 @@ def _machine() -> Workplace:
     return _processes(), BrokenProcessPool, lambda: None
 
 
-def _processes() -> ProcessPoolExecutor:
-    """Process pool of this machine, reused if its size is unchanged."""
+def at_once() -> int:
+    """Number of items that `parallel_map` works on at once. Raises InputError: as it does."""
+    backend = _backend()
+    if backend == "dask":
+        _cluster()
+        from distributed import Client
+
+        return sum(Client.current().nthreads().values())
+    return 1 if backend == "sequential" else _process_count()
+
+
+def _backend() -> str:
+    backend = os.environ.get(BACKEND, "fork")
+    if backend not in ("fork", "dask", "sequential"):
+        raise InputError(f"{BACKEND}={backend}: is not one of fork, dask, sequential")
+    return backend
+
+
+def _process_count() -> int:
     cores = len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count()
     given = os.environ.get(PROCESSES) or str(cores or 1)
     if not (given.isdecimal() and int(given)):
         raise InputError(f"{PROCESSES}={given}: is no number of processes")
-    count = int(given)
+    return int(given)
+
+
+def _processes() -> ProcessPoolExecutor:
+    """Process pool of this machine, reused if its size is unchanged."""
+    count = _process_count()
     if count not in _pools:
         _end_processes()
         context = multiprocessing.get_context("fork")

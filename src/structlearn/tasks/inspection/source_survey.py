@@ -6,10 +6,12 @@ Files are opened one by one; for files that cannot be read the reason is kept, a
 import re
 from collections.abc import Callable, Mapping, Sequence
 from contextlib import suppress
+from functools import partial
 from itertools import product
 from typing import Any, NamedTuple
 
 from structlearn.core.errors import InputError
+from structlearn.core.parallel import parallel_map
 from structlearn.readers.bag_recording import open_bag, read_recording
 from structlearn.readers.computed_pose import TransformSeries, transform_series
 from structlearn.readers.definitions import short_name
@@ -102,16 +104,23 @@ def look_at(source: str, urdf: str | None = None) -> SourceSeen:
         urdf = _shipped(urdf)
     if urdf:
         moving_joints(local_path(urdf))  # reports a wrong file before any bag is opened
-    files, damaged = [], {}
-    for file in recording_files(source):
-        try:
-            files.append(look_into(file, urdf))
-        except InputError as error:
-            damaged[file.name] = str(error)
+    names = recording_files(source)
+    seen = parallel_map(partial(_seen, urdf=urdf), names, "recordings")
+    files = tuple(found for found in seen if isinstance(found, FileSeen))
+    pairs = zip(names, seen, strict=True)
+    damaged = {file.name: found for file, found in pairs if isinstance(found, str)}
     if not files:
         first, *others = damaged.values()
         raise InputError(f"{first}{f'; nor can the {len(others)} others be read' if others else ''}")
-    return SourceSeen(source, urdf, tuple(files), damaged)
+    return SourceSeen(source, urdf, files, damaged)
+
+
+def _seen(file: RecordingFile, urdf: str | None) -> FileSeen | str:
+    """What is in a file, or why it cannot be opened."""
+    try:
+        return look_into(file, urdf)
+    except InputError as error:
+        return str(error)
 
 
 def _shipped(urdf: str) -> str:
