@@ -290,7 +290,7 @@ def test_all_cells_run_but_those_that_are_up_to_date_and_the_plan_says_how_long(
     with pytest.raises(InputError, match=r"cell 66: stages/toy/learn\.py: no such person"):
         run_cells({NAME: DESCRIPTION}, [NAME], planned)
     said = capsys.readouterr().out
-    assert "toy/people: 3 cells, never run before\n3 cells to run, 1 at once\n" in said
+    assert "toy/people: 3 cells, never timed before\n3 cells to run, 1 at once\n" in said
     assert said.count("minutes\n") == 2  # the cells that did not fail
     made = json.loads((planned / CELLS / NAME / "9/cell.json").read_text())
     assert made["commit"] == source_commit(root=planned)

@@ -29,9 +29,9 @@ class Origin(Parameters):
     """What a cell was made by."""
 
     commit: str
-    code: str  # digest of all that it uses, see `study_cells.code_of`
+    code: str  # digest of all that it uses, see `study_cells.code_of`; empty if unknown
     processor: str  # empty if unknown
-    minutes: float  # that it took
+    minutes: float | None  # that it took; None if unknown
 
 
 class Check(Parameters):
@@ -55,6 +55,12 @@ class StudyProvenance(Parameters):
     def commits(self) -> list[str]:
         """Commits that made its cells, sorted; what cells use is the same in all."""
         return sorted({origin.commit for origin in self.cells.values()})
+
+    @property
+    def minutes_each(self) -> float:
+        """Mean of the minutes that cells took, NaN if it is unknown."""
+        known = [origin.minutes for origin in self.cells.values() if origin.minutes is not None]
+        return sum(known) / len(known) if known else float("nan")
 
     @property
     def code(self) -> set[str]:

@@ -9,6 +9,7 @@ commits may change what no cell uses, such as a page.
 import copy
 import hashlib
 import json
+import math
 import os
 import subprocess
 import sys
@@ -223,12 +224,11 @@ def plan(work: Sequence[Work], root: Path) -> str:
     lines, hours = [], 0.0
     for name in dict.fromkeys(name for name, _ in work):
         count, study = sum(its == name for its, _ in work), read_study(name, root / RESULTS)
-        minutes = [origin.minutes for origin in study.made.cells.values()] if study else []
-        each = sum(minutes) / len(minutes) if minutes else float("nan")
+        each = study.made.minutes_each if study else float("nan")
         hours += count * each / 60.0 / processes
-        told = f"about {each:.0f} minutes each" if minutes else "never run before"
+        told = "never timed before" if math.isnan(each) else f"about {each:.0f} minutes each"
         lines.append(f"{name}: {counted(count, 'cell')}, {told}")
-    total = f", about {hours:.1f} h" if hours == hours else ""
+    total = "" if math.isnan(hours) else f", about {hours:.1f} h"
     return "\n".join([*lines, f"{counted(len(work), 'cell')} to run, {processes} at once{total}"])
 
 
