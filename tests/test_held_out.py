@@ -126,10 +126,12 @@ HOLDS_NOTHING_OUT = {
     "makes samples, each of one demonstration": "scraping/coupling_dataset servoing/touch_dataset",
     "searches by trial, on rollouts of its own": "scraping/compare_search",
     "distances between all places that were touched, those of the test among them": "servoing/geodesics",
+    "describes how people differ, predicts nothing": "recorded/people",
 }
 """Why stages have no case."""
 
 FITS_ALL = {
+    "takes out of trials what their layouts explain": "people._spread",
     "call those that have a case": "transfer.compare_sets motion.learn touch.learn obstacles.learn "
     "parts.learn avoidance_fits._errors fitting.learn_sequence "
     "autoencoded.train pca.train pca.train_on_codes",
