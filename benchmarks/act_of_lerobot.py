@@ -9,6 +9,7 @@ Its network alone is loaded; what else it imports (images, storage) is replaced 
 import importlib.util
 import sys
 from types import ModuleType, SimpleNamespace
+from typing import Any
 
 import numpy as np
 import torch
@@ -17,7 +18,7 @@ from dissertation.rivals import networks
 from dissertation.rivals.policies import Ensemble
 
 STATE, TOUCH, ACTIONS = "observation.state", "observation.environment_state", "action"
-EMPTY = {
+EMPTY: dict[str, dict[str, Any]] = {
     "einops": {"repeat": lambda values, _, b: values[None].expand(b, -1, -1)},
     "torchvision": {},
     "torchvision.models._utils": {"IntermediateLayerGetter": None},
@@ -41,6 +42,8 @@ def main() -> None:
         sys.modules[name] = ModuleType(name)
         vars(sys.modules[name]).update(content)
     spec = importlib.util.spec_from_file_location("modeling_act", sys.argv[1])
+    assert spec is not None
+    assert spec.loader is not None
     lerobot = importlib.util.module_from_spec(spec)
     spec.loader.exec_module(lerobot)
     sizes, width, layers, chunk = (10, 38), 64, 2, 16
@@ -69,7 +72,12 @@ def main() -> None:
     ours = networks.ActionChunking(sizes, width, layers, chunk)
     ours.load_state_dict(theirs.state_dict())
     state, touch, actions = torch.randn(5, 10), torch.randn(5, 38), torch.randn(5, chunk, 6)
-    batch = {STATE: state, TOUCH: touch, ACTIONS: actions, "action_is_pad": torch.zeros(5, chunk, dtype=bool)}
+    batch = {
+        STATE: state,
+        TOUCH: touch,
+        ACTIONS: actions,
+        "action_is_pad": torch.zeros(5, chunk, dtype=torch.bool),
+    }
     with torch.no_grad():
         print(f"acting: {(theirs.eval()(batch)[0] - ours.eval()(state, touch)[0]).abs().max():.1e}")
         torch.manual_seed(1)

@@ -93,7 +93,7 @@ def tried(
     parts = []
     for (model, place, _), scores in zip(work, parallel_map(trial, work, "trials"), strict=True):
         means = scores.groupby("setting")[["cost", "failed"]].mean()
-        keys = {"person": person, "model": model, "level": float(place)}
+        keys: dict[str, Any] = {"person": person, "model": model, "level": float(place)}
         parts.append(long_table(STAGE, "trial_cost", means["cost"], "rad", **keys))
         parts.append(long_table(STAGE, "trial_failed", means["failed"], **keys))
     return joined_results(parts, KEYS)

@@ -180,6 +180,7 @@ class Frame:
     """What poses of a run are relative to."""
 
     start: np.ndarray  # (3,) m
+    start_orientation: np.ndarray  # (4,)
     goal: np.ndarray  # (3,) m
     orientation: np.ndarray  # (4,) of the goal
 
@@ -204,7 +205,7 @@ def frame_of(skill: ReactiveSkill) -> Frame:
     start, last = default_start(skill.primitives), skill.primitives[-1]
     if start.orientation is None or last.orientation is None:
         raise InputError("rivals imitate poses, and the skill moves positions only")
-    return Frame(start.position, last.position.goal, last.orientation.goal)
+    return Frame(start.position, start.orientation, last.position.goal, last.orientation.goal)
 
 
 def expected_over_run(skill: ReactiveSkill, ticks: int, dt: float) -> np.ndarray:

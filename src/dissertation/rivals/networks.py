@@ -71,6 +71,8 @@ class Recurrent(nn.Module):
 class ActionChunking(nn.Module):
     """Action-chunking transformer; `layers` of both encoders, otherwise constructed as `Feedforward`."""
 
+    vae_encoder_pos_enc: Tensor
+
     def __init__(self, inputs: tuple[int, int], width: int, layers: int, chunk: int) -> None:
         super().__init__()
         self.vae_encoder = Layers(EncoderLayer(width) for _ in range(layers))

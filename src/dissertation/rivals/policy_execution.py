@@ -92,7 +92,7 @@ def execute_policy(
     seen = FingerPair(testbed.touch, testbed.sensor_seed, _copied(fingers_rng), testbed.finger_rate_hz)
     fingers = FingerPair(testbed.touch, testbed.sensor_seed, fingers_rng, testbed.finger_rate_hz)
     leader = Leader(policy, limits, skill, seen, ticks, dt)
-    start = leader.frame.start, quaternion.matrix(skill.primitives[0].orientation.start)
+    start = leader.frame.start, quaternion.matrix(leader.frame.start_orientation)
     engine = engine_with(knock, dt, start, leader.advanced)
     log = execute(
         testbed.world, leader.reference, start, ticks, conditions, own, fingers, wrist_rng, None, engine
@@ -109,7 +109,7 @@ def execute_skill(
     """One execution of the primitives, with feedback if the run says so. Raises FloatingPointError."""
     there = moved(skill, situation)
     frame, dt = frame_of(there), bench.testbed.world.dt
-    start = frame.start, quaternion.matrix(there.primitives[0].orientation.start)
+    start = frame.start, quaternion.matrix(frame.start_orientation)
     engine = None if knock is None else engine_with(knock, dt, start)
     recording = execute_run(run, 0, there, bench.testbed, engine)
     return synchronise(recording, bench.clock.rate_hz, bench.clock.max_gap_s)
@@ -166,11 +166,12 @@ class Leader:
         starts = np.cumsum([one.duration for one in skill.primitives])[:-1]
         primitive = np.searchsorted(np.round(starts / dt), np.arange(ticks), side="right")
         still = np.zeros((ticks, 3))
-        self.pose = self.frame.relative(self.frame.start, skill.primitives[0].orientation.start)
+        self.pose = self.frame.relative(self.frame.start, self.frame.start_orientation)
         self.velocity = np.zeros(6)
         position, orientation = self.frame.absolute(np.tile(self.pose, (ticks, 1)))
-        moving = (position, still, still, orientation, still, still)
-        self.reference = Reference(*(part.copy() for part in moving), primitive)
+        self.reference = Reference(
+            position, still, still.copy(), orientation, still.copy(), still.copy(), primitive
+        )
         policy.start()
 
     def advanced(self, tick: int, world: World, arm: operational_space.ArmModel) -> None:

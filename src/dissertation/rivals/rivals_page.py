@@ -60,7 +60,7 @@ def cost_figures(results: Results) -> list[Figure]:
             own = costs[model].sort_index(axis=1, kind="stable")
             found = [geometric_mean(one.dropna().to_numpy()) for _, one in own.items()]
             value, low, high = np.array([(one.value, one.low, one.high) for one in found]).T
-            look = {"color": LOOKS[model].colour, "label": LOOKS[model].name}
+            look: dict[str, Any] = {"color": LOOKS[model].colour, "label": LOOKS[model].name}
             if model == NOMINAL:
                 axes.axhline(value[0], linestyle="--", linewidth=1.2, **look)
                 continue
