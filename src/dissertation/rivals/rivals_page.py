@@ -18,7 +18,7 @@ from dissertation.rivals.networks import DEPARTURES
 from dissertation.rivals.protocol import MODELS, NOMINAL, ComparisonParameters
 from structlearn.reporting.document import Table
 from structlearn.reporting.evidence import geometric_mean
-from structlearn.reporting.figure_style import panel, styled
+from structlearn.reporting.figure_style import legend, panel, styled
 from structlearn.reporting.findings import Findings
 
 
@@ -71,8 +71,7 @@ def cost_figures(results: Results) -> list[Figure]:
         ticks = [one for one in costs.columns.unique("level") if one]
         axes.set_xticks(ticks, [f"{one:g}" for one in ticks])
         axes.set(xlabel="demonstrations per tilt", ylabel="cost (rad)", ylim=(0.0, None))
-        axes.legend()
-        figures.append(figure)
+        figures.append(legend(figure, columns=1))
     return figures
 
 
