@@ -12,7 +12,7 @@ equal conditions.
     failed   diverged, off by `CAP_RAD` at some tick, more than `GOAL_M` from the goal, or in the second half
              of the last primitive pressing with less than half or more than one and a half times the force
 
-Bounds were stated before any run.
+Bounds were stated before any person of the study was run; tuning person 1 had been looked at.
 """
 
 import time

@@ -55,7 +55,7 @@ def cost_figures(results: Results) -> list[Figure]:
     """Cost over demonstrations per tilt, geometric mean over people with its 95 % interval."""
     figures = []
     for title, settings in (("demonstrated tilts", DEMONSTRATED), ("tilts nobody demonstrated", UNSEEN)):
-        costs, (figure, axes) = by_method(results, settings=settings), panel(title)
+        costs, (figure, axes) = by_method(results, settings=settings), panel(title, height=3.8)
         for place, model in enumerate(MODELS):
             own = costs[model].sort_index(axis=1, kind="stable")
             found = [geometric_mean(one.dropna().to_numpy()) for _, one in own.items()]
