@@ -29,6 +29,7 @@ FLOORS = {
     REPRODUCTION: (
         ("simulation", "evidence"),
         ("scraping", "obstacles", "dynamics", "servoing", "recorded"),
+        ("rivals",),
     ),
 }
 """Packages of each house from the ground floor up; the reproduction stands on the library's."""
@@ -43,7 +44,7 @@ ROOMS = {
     "matplotlib": ("reporting", "page", "section", "figures"),
     "pybullet": ("simulation", "world"),
     "pinocchio": ("simulation", "world", "rigid_body", "readers"),
-    "torch": ("networks", "feedback", "rigid_body", "tactile"),
+    "torch": ("networks", "feedback", "rigid_body", "tactile", "rivals"),
     "mcap": ("readers",),
 }
 SORTS = ("sort_values", "sort_index", "argsort")

@@ -51,7 +51,10 @@ class Description(Parameters):
 
     question: str
     seeds: list[str] = Field(min_length=1)  # parameters set to a cell's seeds, by dotted key
-    stages: list[str] = Field(min_length=1)  # scripts of the testbed, in order; the last is `results`
+    stages: list[str] = Field(min_length=1)  # scripts of the testbed, in order; the last writes its results
+    parameters: list[str] = Field(
+        default_factory=list
+    )  # keys of `params.yaml` that stages read which are of no pipeline
     variants: dict[str, Variant] = Field(default_factory=dict)  # besides the pipeline's, `OURS`
 
 

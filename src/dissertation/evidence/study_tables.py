@@ -167,6 +167,8 @@ def joined(
 
 def made_with(name: str, description: Description, root: Path) -> dict[str, str]:
     """Digests of the parameters that a study's stages depend on."""
+    if description.parameters:
+        return digests(read_values(root / "params.yaml"), description.parameters, description.seeds)
     testbed, stages = name.partition("/")[0], read_values(root / "dvc.yaml")["stages"]
     its = [stages[f"{testbed}_{stage}"] for stage in description.stages]
     keys = sorted({key.split(".")[0] for one in its for key in one.get("params", [])})

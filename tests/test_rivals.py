@@ -1,0 +1,537 @@
+"""Rivals see what was recorded, act as trained, and meet the same conditions as our feedback."""
+
+from dataclasses import replace
+from itertools import product
+from types import SimpleNamespace
+
+import numpy as np
+import pandas as pd
+import pytest
+import torch
+import yaml
+from board_rollouts import TESTBED
+from committed import ROOT, committed, parameter_tree, read_yaml
+from scraping_motions import scraping_skill
+
+from dissertation.evidence.judged_page import publish_judged
+from dissertation.evidence.studies import RESULTS, Study, read_study
+from dissertation.evidence.study_cells import planned_cells, read_descriptions, run_cell, seeds_of
+from dissertation.evidence.study_tables import made_with
+from dissertation.rivals import protocol
+from dissertation.rivals.choice import TRIED, TrialParameters, trial_costs, trials, tried
+from dissertation.rivals.imitation_data import (
+    CORRECTED,
+    LEVEL,
+    UNMOVED,
+    DemonstrationParameters,
+    Recorded,
+    Situation,
+    bench_of,
+    episodes,
+    frame_of,
+    moved,
+    record,
+)
+from dissertation.rivals.networks import ActionChunking
+from dissertation.rivals.policies import Ensemble, RivalParameters, Units, train
+from dissertation.rivals.policy_execution import (
+    Knock,
+    MotionLimits,
+    cubic,
+    demonstrated_motion,
+    execute_policy,
+    execute_skill,
+)
+from dissertation.rivals.protocol import (
+    AS_DEMONSTRATED,
+    KNOCKED,
+    MODELS,
+    NOMINAL,
+    OURS,
+    RIVALS,
+    ComparisonParameters,
+    MethodParameters,
+    compare,
+    method_scores,
+    planned_runs,
+    run_scores,
+)
+from dissertation.rivals.rivals_page import page
+from dissertation.scraping.protocol.executions import NOMINAL as NOMINAL_RUN
+from dissertation.scraping.protocol.executions import Run, execute_run
+from structlearn.core import quaternion
+from structlearn.core.errors import InputError
+from structlearn.core.parallel import BACKEND
+from structlearn.feedback.coupling_targets import SupervisionParameters
+from structlearn.feedback.runtime import Controller
+from structlearn.primitives.sequence import PoseGoal, default_start
+from structlearn.readers.clock import synchronise
+from structlearn.readers.source import ClockParameters
+
+TINY = {"width": 8, "layers": 1, "every": 4, "chunk": 3, "steps": 4, "batch": 3}
+RUN = Run("01", 5.0, (13, 1, 0))
+SHIFT = Situation(np.array([0.01, -0.02, 0.0]), np.array([-0.01, 0.015, 0.0]))
+
+
+def rival(network, **changes):
+    return committed(RivalParameters, f"rival_methods.{network}", **TINY | changes)
+
+
+@pytest.fixture(scope="module")
+def small():
+    """A short task on the board, and executions of it: level, and corrected at two tilts."""
+    parameters = committed(
+        DemonstrationParameters,
+        "rivals.demonstrations",
+        settings_deg=(5.0, 10.0),
+        runs=2,
+        level_runs=2,
+        expected_runs=2,
+    )
+    supervision = committed(SupervisionParameters, "coupling_dataset")
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setenv(BACKEND, "sequential")
+        clock = committed(ClockParameters, "clock")
+        bench = bench_of(scraping_skill(expected=False), TESTBED, clock, supervision, parameters)
+        return bench, record(bench, parameters), parameters
+
+
+@pytest.fixture(scope="module")
+def seen(small):
+    bench, recorded, _ = small
+    return episodes(bench, recorded)
+
+
+@pytest.fixture(scope="module")
+def limits(seen):
+    return demonstrated_motion(seen, 100.0, 0.05)
+
+
+class Copier:
+    """Repeats the poses of a run, whatever it senses, and remembers that."""
+
+    def __init__(self, run, frame, every=1):
+        self.parameters = SimpleNamespace(ensemble=0.01, every=every, sensors="raw", network="copied")
+        self.poses = frame.relative(run.position, run.orientation)[::3]
+        self.sensed, self.every = [], every
+
+    def start(self):
+        self.sensed.clear()
+
+    def chunk(self, pose, task, touch):
+        self.sensed.append(np.concatenate([pose, task, touch]))
+        later = len(self.sensed) * self.every
+        return self.poses[min(later, len(self.poses) - 1)][None]
+
+
+@pytest.mark.parametrize("network", RIVALS)
+@pytest.mark.parametrize("action", ["absolute", "relative"])
+def test_a_policy_gives_chunks_and_the_same_ones_again(seen, network, action):
+    parameters, one = rival(network, action=action), seen[0]
+    inputs = one.pose[0], one.task[0], one.touch["deviation"][0]
+    first, again, other = (train(seen, parameters, seed) for seed in (1, 1, 2))
+    found = []
+    for policy in (first, again, other):
+        policy.start()
+        found.append(policy.chunk(*inputs))
+    assert found[0].shape == (3, 6)
+    np.testing.assert_array_equal(found[0], found[1])
+    assert np.abs(found[0] - found[2]).max() > 0.0
+    first.start()  # forgets what it saw
+    np.testing.assert_array_equal(first.chunk(*inputs), found[0])
+
+
+def test_training_leaves_other_random_numbers_alone(seen):
+    torch.manual_seed(5)
+    expected = torch.rand(3)
+    torch.manual_seed(5)
+    train(seen, rival("chunking"), 1)
+    assert torch.equal(torch.rand(3), expected)
+
+
+@pytest.mark.parametrize("action", ["absolute", "relative"])
+def test_a_network_learns_what_it_is_shown(seen, action):
+    """With enough steps, the next pose of a demonstration from what was seen there."""
+    parameters = rival(
+        "feedforward", action=action, width=64, layers=2, steps=1500, batch=64, chunk=1, noise=0.0
+    )
+    policy, one = train(seen, parameters, 1), seen[-1]
+    found = np.array(
+        [policy.chunk(one.pose[k], one.task[k], one.touch["deviation"][k])[0] for k in range(200)]
+    )
+    error = found - one.pose[4:204]
+    assert np.abs(error[:, :3]).max() < 0.2 * np.ptp(one.pose[:, :3], axis=0).max()
+    assert np.linalg.norm(error) < 0.1 * np.linalg.norm(one.pose[4:204] - one.pose.mean(axis=0))
+
+
+def test_the_recurrent_network_remembers(seen):
+    policy, one = train(seen, rival("recurrent"), 1), seen[0]
+    chunks = []
+    for first in (0, 100):
+        policy.start()
+        for k in (first, 200):
+            chunk = policy.chunk(one.pose[k], one.task[k], one.touch["deviation"][k])
+        chunks.append(chunk)
+    assert np.abs(chunks[0] - chunks[1]).max() > 0.0
+
+
+def test_the_transformer_draws_a_style_in_training_alone():
+    torch.manual_seed(0)
+    network = ActionChunking((10, 38), 8, 1, 3).eval()  # no dropout
+    state, touch, actions = torch.randn(2, 10), torch.randn(2, 38), torch.randn(2, 3, 6)
+    with torch.no_grad():
+        once, again = (network(state, touch, actions) for _ in range(2))
+        acting = [network(state, touch) for _ in range(2)]
+    assert (once[0] - again[0]).abs().max() > 0.0
+    assert once[1] > 0.0
+    assert torch.equal(acting[0][0], acting[1][0])
+    assert acting[0][1] == 0.0
+
+
+@pytest.mark.parametrize("decay", [0.0, 0.3])
+def test_temporal_ensembling_is_the_weighted_mean_of_all_predictions_for_a_moment(decay):
+    rng, ensemble = np.random.default_rng(0), Ensemble(decay)
+    chunks = rng.standard_normal((12, 5, 6))
+    for now in range(12):
+        found = ensemble.update(chunks[now])
+        total, weight, age_rank = np.zeros(6), 0.0, 0
+        for made in range(now + 1):  # oldest first
+            if now - made < 5:
+                w = np.exp(-decay * age_rank)
+                total, weight, age_rank = total + w * chunks[made, now - made], weight + w, age_rank + 1
+        np.testing.assert_allclose(found, total / weight, rtol=1e-12)
+
+
+def test_units_have_one_scale_per_unit():
+    values = np.random.default_rng(0).standard_normal((500, 4)) * [1.0, 3.0, 5.0, 0.0]
+    units = Units.of(values, (2, 1, 1))
+    np.testing.assert_allclose(units.scale, [np.sqrt(5.0)] * 2 + [5.0, 1.0], rtol=0.1)
+
+
+def test_moved_primitives_are_those_that_the_controller_plans():
+    skill, rate = scraping_skill(), 300.0
+    goals = [PoseGoal(one.position.goal + SHIFT.goal, one.orientation.goal) for one in skill.primitives]
+    begin = default_start(skill.primitives)
+    there, planned = moved(skill, SHIFT), Controller(skill, rate, goals=goals)
+    its = Controller(there, rate)
+    planned.start(begin.position + SHIFT.start, begin.orientation)
+    its.start(default_start(there.primitives).position, begin.orientation)
+    for _ in range(700):
+        planned.tick(None)
+        its.tick(None)
+        np.testing.assert_allclose(its.position, planned.position, atol=1e-12)
+
+
+def test_demonstrations_start_and_end_where_they_are_told_within_the_range(small, seen):
+    _, recorded, parameters = small
+    flat = [its for tilt in recorded.runs for its in recorded.situations[tilt]]
+    assert len(flat) == len(seen) == 6
+    for situation in flat:
+        assert (np.abs([situation.start, situation.goal]) <= parameters.range_m).all()
+    assert len({tuple(one.start) for one in flat}) == 6
+    for one in seen:
+        assert np.linalg.norm(one.pose[-1, :2]) < 2e-3  # at the goal
+        np.testing.assert_allclose(one.pose[0, :3], one.task[0, :3], atol=1e-6)
+    assert [len(its) for its in recorded.first(1).runs.values()] == [2, 1, 1]
+
+
+def test_nobody_corrects_on_the_level_board(small):
+    bench, _, parameters = small
+    with pytest.raises(InputError, match="nothing is corrected on the level board"):
+        record(bench, parameters.model_copy(update={"settings_deg": (0.0, 5.0)}))
+
+
+def test_a_copied_execution_is_reproduced_and_what_is_sensed_is_what_was_recorded(small, limits):
+    bench, *_ = small
+    frame = frame_of(moved(bench.skill, SHIFT))
+    nominal = execute_skill(RUN, bench.skill, bench, SHIFT)
+    copier = Copier(nominal, frame)
+    copied = execute_policy(RUN, copier, limits, bench, SHIFT)
+    assert np.abs(copied.position - nominal.position).max() < 1e-3
+    assert np.degrees(quaternion.angle_between(copied.orientation, nominal.orientation).max()) < 0.3
+    scores = [run_scores(bench, one, SHIFT) for one in (nominal, copied)]
+    assert scores[1]["cost"] == pytest.approx(scores[0]["cost"], rel=0.05)
+    assert scores[0]["failed"] == scores[1]["failed"] == 0.0
+    alone = {5.0: [copied]}
+    (recorded,) = episodes(bench, Recorded(alone, {5.0: [SHIFT]}))
+    online = np.array(copier.sensed)[5 : len(recorded.pose) - 5]
+    rows = slice(5, len(recorded.pose) - 5)
+    np.testing.assert_allclose(online[:, :6], recorded.pose[rows], atol=1e-9)
+    np.testing.assert_allclose(online[:, 6:10], recorded.task[rows], atol=1e-9)
+    apart = online[:, 10:] - recorded.touch["raw"][rows]
+    assert np.abs(apart).max() < 0.1 * np.abs(online[:, 10:]).max()  # stamps jitter
+    assert np.abs(apart.mean(axis=0)).max() < 0.5
+
+
+def test_deviations_are_readings_less_the_expected_ones(small, seen):
+    level = seen[0]
+    own = np.sqrt(np.mean(level.touch["deviation"][5:] ** 2))
+    assert own < 0.5 * np.sqrt(np.mean(level.touch["raw"][5:] ** 2))
+
+
+def test_rivals_and_the_skill_meet_equal_conditions(small, limits):
+    """A rival that copies the skill feels the same board: readings are equal until their paths part."""
+    bench, *_ = small
+    nominal = execute_skill(RUN, bench.skill, bench, UNMOVED)
+    copied = execute_policy(RUN, Copier(nominal, frame_of(bench.skill)), limits, bench, UNMOVED)
+    np.testing.assert_allclose(copied.tactile[0], nominal.tactile[0], atol=1.0)
+    np.testing.assert_allclose(copied.wrench[0], nominal.wrench[0], atol=1e-9)
+
+
+def test_a_knock_takes_the_tool_off_and_none_changes_no_bit(small):
+    bench, *_ = small
+    knock = Knock(1.0, 1.2, np.array([0.0, 0.0, 20.0]))
+    calm, knocked = (execute_skill(RUN, bench.skill, bench, UNMOVED, one) for one in (None, knock))
+    none = execute_skill(RUN, bench.skill, bench, UNMOVED, replace(knock, end_s=knock.start_s))
+    plain = synchronise(execute_run(RUN, 0, bench.skill, TESTBED), 300.0, bench.clock.max_gap_s)
+    for one in (calm, none):
+        np.testing.assert_array_equal(one.position, plain.position)
+        np.testing.assert_array_equal(one.tactile, plain.tactile)
+    np.testing.assert_array_equal(knocked.position[:300], plain.position[:300])
+    during = slice(330, 360)
+    assert calm.wrench[during, 2].mean() < -0.5
+    assert np.abs(knocked.wrench[during, 2].mean()) < 0.1
+    assert (knocked.position - plain.position)[during, 2].max() > 1e-3
+
+
+def test_a_reference_is_bounded_and_smooth():
+    limits = MotionLimits(0.1, 0.5, np.full(3, -0.01), np.full(3, 0.01))
+    before = np.zeros(6)
+    pose = limits.bounded(np.array([1.0, 0, 0, 0, 2.0, 0]), before, 0.04)
+    np.testing.assert_allclose(pose, [0.004, 0, 0, 0, 0.02, 0])
+    np.testing.assert_array_equal(limits.bounded(before, before, 0.04), before)
+    path, rates, _ = cubic(before, np.full(6, 0.3), pose, np.full(6, -0.2), 12, 0.04)
+    np.testing.assert_allclose(path[-1], pose, atol=1e-15)
+    np.testing.assert_allclose(rates[-1], -0.2)
+    steps = np.diff(np.vstack([before, path]), axis=0) / (0.04 / 12)
+    np.testing.assert_allclose(steps[0], 0.3, atol=0.1)
+
+
+@pytest.mark.parametrize(
+    ("network", "changes", "message"),
+    [
+        ("chunking", {"width": 10}, "width 10 is not a multiple of 4 heads"),
+        ("feedforward", {}, "longer than"),
+    ],
+)
+def test_bad_input_is_refused_in_one_line(seen, network, changes, message):
+    shown = seen if changes else [replace(seen[0], pose=seen[0].pose[:3])]
+    with pytest.raises(InputError, match=message):
+        train(shown, rival(network, **changes), 1)
+    with pytest.raises(InputError, match=message):
+        train([] if not changes else seen, rival(network, **changes), 1)
+
+
+def test_a_rival_that_puts_out_nonsense_has_failed(small, monkeypatch):
+    bench, recorded, _ = small
+    plan = [protocol.Planned(RUN, UNMOVED, AS_DEMONSTRATED)]
+    policy = SimpleNamespace(
+        parameters=rival("feedforward"), start=lambda: None, chunk=lambda *_: np.full((3, 6), np.nan)
+    )
+    monkeypatch.setattr(protocol, "train", lambda *_: policy)
+    scores, *_ = method_scores(bench, recorded, rival("feedforward"), plan, 0.05, 1)
+    ticks = sum(round(300 * one.duration) for one in bench.skill.primitives[1:])
+    assert scores["failed"].item() == 1.0
+    assert scores["cost"].item() == pytest.approx(ticks * np.radians(30.0), rel=0.01)
+
+
+@pytest.fixture(scope="module")
+def comparison(small):
+    return committed(
+        ComparisonParameters,
+        "rivals",
+        demonstrations=small[2].model_dump(),
+        counts=(1, 2),
+        settings_deg=(0.0, 10.0),
+        runs=1,
+        moved={"knock_s": (0.3, 0.4)},
+    )
+
+
+METHODS = committed(
+    MethodParameters,
+    "rival_methods",
+    ours={"hidden": (4,), "pointwise": {"steps": 20, "evaluate_every": 10}},
+    **dict.fromkeys(RIVALS, TINY),
+)
+
+
+def test_a_reduced_cell_runs_from_demonstrations_to_results(small, comparison, monkeypatch):
+    monkeypatch.setenv(BACKEND, "sequential")
+    bench, recorded, _ = small
+    results = compare(7, bench, recorded, comparison, METHODS)
+    assert set(results["person"]) == {7}
+    costs = results[results["quantity"] == "cost"].set_index(["model", "level", "part", "setting"])["value"]
+    at = costs.loc[NOMINAL].droplevel("level")
+    assert at[AS_DEMONSTRATED, 10.0] > 3.0 * at[AS_DEMONSTRATED, 0.0]
+    situations = {
+        AS_DEMONSTRATED,
+        KNOCKED,
+        *(f"{one} {how}" for one in ("start", "goal") for how in ("within", "beyond")),
+    }
+    for model in (OURS, *RIVALS):
+        own = costs.loc[model]
+        assert set(own.loc[2.0].index.unique("part")) == situations
+        assert set(own.loc[1.0].index.unique("part")) == {AS_DEMONSTRATED}
+    few = compare(7, bench, recorded, comparison.model_copy(update={"counts": (2,)}), METHODS)
+    again = few[few["model"] == "chunking"]["value"].to_numpy()
+    expected = results[(results["model"] == "chunking") & (results["level"] == 2.0)]["value"].to_numpy()
+    np.testing.assert_array_equal(again, expected)
+    with pytest.raises(InputError, match="3 demonstrations per tilt, of which only 2 are recorded"):
+        compare(7, bench, recorded, comparison.model_copy(update={"counts": (1, 3)}), METHODS)
+
+
+def test_equal_runs_of_all_methods_have_equal_seeds_which_no_demonstration_has(small, comparison):
+    bench, *_ = small
+    full, some = (planned_runs(bench, comparison, moved=moved) for moved in (True, False))
+    assert full[: len(some)] == some
+    assert {one.run.seed[0] for one in full} == {protocol.EVALUATED}
+    assert protocol.EVALUATED not in (TRIED, CORRECTED, LEVEL, NOMINAL_RUN)
+
+
+def test_every_method_has_as_many_trials():
+    parameters = committed(TrialParameters, "rival_trials")
+    for model in (OURS, *RIVALS):
+        own = trials(model, parameters)
+        assert len(own) == parameters.trials
+        assert len({one.model_dump_json() for one in own}) == parameters.trials
+        assert own == trials(model, parameters)
+        assert type(own[0]) is type(getattr(METHODS, model))
+
+
+def test_trials_are_made_with_the_parameters_that_they_draw(small, comparison, monkeypatch):
+    monkeypatch.setenv(BACKEND, "sequential")
+    bench, recorded, _ = small
+    options = {name: {key: [its] for key, its in vars(getattr(METHODS, name)).items()} for name in RIVALS}
+    for name in RIVALS:
+        options[name]["steps"] = [4, 40]
+    options["ours"] = {key: [its] for key, its in vars(METHODS.ours).items() if key != "pointwise"}
+    options["ours"]["pointwise"] = {key: [its] for key, its in vars(METHODS.ours.pointwise).items()}
+    options["ours"]["pointwise"]["dropout"] = [0.0, 0.5]
+    drawing = committed(TrialParameters, "rival_trials", trials=2, count=1, settings_deg=(5.0,))
+    drawing = drawing.model_copy(update=options)
+    results = tried(3, bench, recorded, comparison, drawing)
+    for model in (OURS, *RIVALS):
+        assert len(results.query("model == @model")) == 4
+        costs = trial_costs(results, model)
+        assert costs[0] != costs[1]
+    drawing.recurrent["steps"] = [4]
+    with pytest.raises(
+        InputError, match=r"rival_trials\.recurrent: the options do not make 2 different trials"
+    ):
+        trials("recurrent", drawing)
+
+
+def test_the_trial_with_the_lowest_geometric_mean_is_the_best():
+    rows = [(0, 1.0), (0, 100.0), (1, 4.0), (1, 4.0), (2, 60.0), (2, 1.0)]
+    table = pd.DataFrame(rows, columns=["level", "value"]).assign(quantity="trial_cost", model="ours")
+    other = table.assign(model="chunking", value=5.0 - table["level"])
+    both = pd.concat([table, other])
+    assert trial_costs(both, "ours").round(6).to_dict() == {0: 10.0, 1: 4.0, 2: round(60.0**0.5, 6)}
+    assert trial_costs(both, "chunking").idxmin() == 2
+
+
+def test_what_was_chosen_on_tuning_people_is_what_is_compared():
+    study = read_study("rivals/choice", ROOT / RESULTS)
+    if study is None:
+        pytest.skip("no trials were made yet")
+    parameters, methods = (
+        committed(TrialParameters, "rival_trials"),
+        committed(MethodParameters, "rival_methods"),
+    )
+    for model in (OURS, *RIVALS):
+        best = trial_costs(study.results, model).idxmin()
+        assert getattr(methods, model) == trials(model, parameters)[int(best)]
+
+
+def test_nobody_tuned_on_is_in_the_comparison():
+    tuned = set(read_yaml(ROOT / "params.yaml")["scraping_people"]["tuning"])
+    people = {seed for cell in planned_cells("rivals/people", ROOT) for seed in seeds_of(cell)}
+    choosing = {seed for cell in planned_cells("rivals/choice", ROOT) for seed in seeds_of(cell)}
+    assert choosing == tuned
+    assert len(people) >= 12
+    assert not people & tuned
+    assert {"rivals/people", "rivals/choice"} <= read_descriptions(
+        ROOT / "stages/studies/studies.yaml"
+    ).keys()
+
+
+@pytest.fixture(scope="module")
+def studied():
+    """Results of twelve people, by whom rivals cost twice as much as ours, less with more demonstrations."""
+    rng, rows = np.random.default_rng(0), []
+    comparison = committed(ComparisonParameters, "rivals")
+    parts = [
+        AS_DEMONSTRATED,
+        KNOCKED,
+        *(f"{one} {how}" for one in ("start", "goal") for how in ("within", "beyond")),
+    ]
+    for person, model, part, setting in product(range(11, 23), MODELS, parts, comparison.settings_deg):
+        if part != AS_DEMONSTRATED and setting != comparison.moved.setting_deg:
+            continue
+        for count in (0,) if model == NOMINAL else comparison.counts:
+            level = {NOMINAL: 300.0, OURS: 40.0}.get(model, 80.0) * (2.0 if 0 < count < 4 else 1.0)
+            values = {
+                "cost": level,
+                "goal": 0.5 if model == OURS else 3.0,
+                "jerk": level,
+                "failed": float(level == 80.0),
+            }
+            keys = {"person": person, "model": model, "part": part, "setting": setting, "level": float(count)}
+            for quantity, value in values.items():
+                spread = 1.0 if quantity == "failed" else np.exp(0.05 * rng.standard_normal())
+                rows.append({"quantity": quantity, "value": value * spread, "unit": ""} | keys)
+    return Study(pd.DataFrame(rows).assign(variant="ours", cell="11", stage="rivals_compare"))
+
+
+def shown(study):
+    its = committed(ComparisonParameters, "rivals"), committed(TrialParameters, "rival_trials")
+    return page(study, None, *its)
+
+
+def test_the_page_judges_what_it_shows_either_way(studied, tmp_path):
+    document, drawn, tables, find = shown(studied)
+    verdicts = {one.claim.evidence: one.verdict for one in document.judged}
+    assert verdicts["all_demonstrations"] == verdicts["more_failures_beyond"] == "yes"
+    assert verdicts["one_against_four"] == "no difference"
+    assert verdicts["goal_distance"] == "no"
+    assert verdicts["level_harm"] == "yes"
+    publish_judged(tmp_path, {"index": document}, drawn, tables, find)
+    assert "0.50" in (tmp_path / "index.html").read_text()
+    better = studied.results.copy()
+    better.loc[better["model"].isin(RIVALS) & (better["quantity"] == "cost"), "value"] /= 4.0
+    against = {one.claim.evidence: one.verdict for one in shown(Study(better))[0].judged}
+    assert against["all_demonstrations"] == against["unseen_tilts"] == against["knocked"] == "no"
+
+
+def test_a_page_without_a_study_says_that_nothing_was_tested(tmp_path):
+    document, drawn, tables, find = shown(None)
+    assert {one.verdict for one in document.judged} == {"not tested"}
+    publish_judged(tmp_path, {"index": document}, drawn, tables, find)
+    assert "has not been run" in (tmp_path / "index.html").read_text()
+
+
+def test_a_cell_of_the_study_runs_its_stage(tmp_path):
+    """From guided demonstrations to results, with few and small ones of everything."""
+    name = "rivals/people"
+    for linked in ("stages", "src", "dvc.yaml", "dvc.lock"):
+        (tmp_path / linked).symlink_to(ROOT / linked)
+    (tmp_path / "reports/quoted").mkdir(parents=True)
+    few = {"settings_deg": [5], "runs": 1, "level_runs": 1, "expected_runs": 2}
+    changes = {
+        "simulate": {"count": 4},
+        "rivals": {"demonstrations": few, "counts": [1], "settings_deg": [0], "runs": 1},
+        "rival_methods": METHODS.model_dump(mode="json"),
+    }
+    text = yaml.safe_dump(parameter_tree(changes), sort_keys=False)
+    (tmp_path / "params.yaml").write_text(text)
+    description = read_descriptions(ROOT / "stages/studies/studies.yaml")[name]
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setenv(BACKEND, "sequential")
+        results = run_cell(name, description, "3", tmp_path)
+    assert set(results["person"]) == {3}
+    assert set(results["model"]) >= {OURS, *RIVALS}
+    costs = results[results["quantity"] == "cost"]
+    assert (costs["value"] > 0.0).all()
+    assert len(costs) == 5 * 6  # models by the tilt and five other situations
+    assert made_with(name, description, tmp_path).keys() == set(description.parameters)
