@@ -121,17 +121,26 @@ def lengths(low: int, high: int):
     return st.lists(st.integers(1, 6), min_size=low, max_size=high)
 
 
+def candidates(lengths: list[int], bridge: int, number: int = 0) -> runs.Candidates:
+    """Of a motion to and fro along a line, by the lengths of its runs."""
+    speed = [np.append(np.full(n, n % 3 - 1.5), np.zeros(1 + (n + number) % 4)) for n in lengths]
+    moved = along_a_line(np.append(0.0, np.concatenate(speed)))
+    return runs.run_candidates(moved, runs.CandidateSearch((0.1, 1.0), 1.0, bridge, 9))
+
+
+@given(lengths(3, 7), st.integers(1, 3), st.integers(0, 3), st.integers(1, 9))
+def test_the_patterns_tried_are_the_cheapest_cuts(moves, primitives, bridge, most):
+    cut = [candidates(moves, bridge)] * primitives
+    gaps = run_assignment._gaps(cut, [False] * primitives)
+    chains, prices = run_assignment._chains(cut, gaps, most)
+    every, its = run_assignment._chains(cut, gaps, 10**6)  # none is dropped on the way
+    assert prices == pytest.approx(sorted(its)[:most])
+    assert {tuple(chain) for chain in chains} <= {tuple(chain) for chain in every}
+
+
 @given(st.lists(lengths(2, 4), min_size=2, max_size=3), st.integers(1, 2), st.integers(0, 3))
 def test_the_assignment_is_the_cheapest_of_all(moves, primitives, bridge):
-    demonstrations = []
-    for number, own in enumerate(moves):
-        speed = np.concatenate(
-            [np.append(np.full(n, n % 3 - 1.5), np.zeros(1 + (n + number) % 4)) for n in own]
-        )
-        moved = along_a_line(np.append(0.0, speed))
-        demonstrations.append(
-            [runs.run_candidates(moved, runs.CandidateSearch((0.1, 1.0), 1.0, bridge, 9))] * primitives
-        )
+    demonstrations = [[candidates(own, bridge, number)] * primitives for number, own in enumerate(moves)]
     found = assign(demonstrations, range(len(demonstrations)), [False] * primitives)
     assert (np.inf if found is None else found.total) == pytest.approx(by_hand(demonstrations))
 

@@ -3,6 +3,7 @@
 import json
 import os
 import runpy
+import shutil
 import socket
 import subprocess
 import sys
@@ -155,7 +156,7 @@ def test_a_cell_runs_all_stages_with_its_seeds_and_a_variant_those_that_it_chang
         changed({"learn": {"steps": 4}}, {"learn.pace": 1})
 
 
-def test_cells_are_joined_with_those_in_git(toy):
+def test_cells_are_joined_with_those_in_git(toy, capsys):
     study = run(toy, "10", "9")
     assert study.results["cell"].tolist() == ["9", "9", "10", "10"] * 2
     assert list(study.made.cells) == ["9", "10"]
@@ -180,7 +181,10 @@ def test_cells_are_joined_with_those_in_git(toy):
     assert list(alone.made.cells) == ["8"]  # nor those of other code
     with pytest.raises(InputError, match=r"different code: 8 by e4f5a6b; 7 by .+; run the older ones again"):
         joined(study, later | {"7": more["8"]}, study.made.parameters, DESCRIPTION)
-    (toy / CELLS / NAME / "9/cell.json").write_text("{}")
+    shutil.rmtree(toy / CELLS / NAME / "9")
+    join_study(NAME, DESCRIPTION, toy)
+    assert "toy/people: 9 of other code or parameters dropped; git has them" in capsys.readouterr().out
+    (toy / CELLS / NAME / "10/cell.json").write_text("{}")
     with pytest.raises(InputError, match=r"cell\.json: cell\.commit: Field required"):
         join_study(NAME, DESCRIPTION, toy)
 
@@ -307,6 +311,7 @@ def test_all_cells_run_but_those_that_are_up_to_date_and_the_plan_says_how_long(
     commit(planned, "more steps")
     with pytest.raises(InputError, match="cell 66"):
         run_cells({NAME: DESCRIPTION}, [NAME], planned)
+    assert json.loads((planned / CELLS / NAME / "9/cell.json").read_text())["at_once"] == 1
     join_study(NAME, DESCRIPTION, planned)
     assert each(stored_study(planned / RESULTS / NAME).results, "cost") == [37, 41]
 
@@ -349,7 +354,9 @@ def test_a_cell_runs_again_when_its_worker_is_killed(planned, two_workers, monke
     assert (planned / "killed").exists()
     assert sorted(path.name for path in (planned / CELLS / NAME).iterdir()) == ["10", "66", "9"]
     join_study(NAME, DESCRIPTION, planned)
-    assert each(stored_study(planned / RESULTS / NAME).results, "cost") == [36, 40, 264]
+    study = stored_study(planned / RESULTS / NAME)
+    assert each(study.results, "cost") == [36, 40, 264]
+    assert study.made.at_once == [2]
 
 
 def test_a_worker_with_other_code_adds_no_cell(planned, monkeypatch):

@@ -32,6 +32,7 @@ class Origin(Parameters):
     code: str  # digest of all that it uses, see `study_cells.code_of`; empty if unknown
     processor: str  # empty if unknown
     minutes: float | None  # that it took; None if unknown
+    at_once: int = 1  # cells that ran at the same time, itself included, which share the cores
 
 
 class Check(Parameters):
@@ -61,6 +62,11 @@ class StudyProvenance(Parameters):
         """Mean of the minutes that cells took, NaN if it is unknown."""
         known = [origin.minutes for origin in self.cells.values() if origin.minutes is not None]
         return sum(known) / len(known) if known else float("nan")
+
+    @property
+    def at_once(self) -> list[int]:
+        """How many cells ran at the same time, each number once."""
+        return sorted({origin.at_once for origin in self.cells.values()})
 
     @property
     def code(self) -> set[str]:

@@ -170,7 +170,7 @@ def run_cells(descriptions: Mapping[str, Description], names: Sequence[str], roo
     work = outdated_cells(names, root)
     print(plan(work, root))
     code = {name: code_of(name, descriptions[name], root) for name in names}
-    failed = []
+    failed, beside = [], min(at_once(), len(work))
 
     def finished(item: Work, made: tuple[pd.DataFrame, Origin] | str) -> None:
         name, cell = item
@@ -179,9 +179,11 @@ def run_cells(descriptions: Mapping[str, Description], names: Sequence[str], roo
         elif made[1].code != code[name]:
             failed.append(f"{name}, cell {cell}: made by a worker with other code, of {made[1].commit}")
         else:
-            write_cell(*made, root / CELLS / name / cell)
+            results, origin = made
+            origin = origin.model_copy(update={"at_once": beside})
+            write_cell(results, origin, root / CELLS / name / cell)
             dvc(root, "commit", "--quiet", "--force", stage_of(name, cell))
-            print(f"{name}, cell {cell}: {made[1].minutes:.1f} minutes", flush=True)
+            print(f"{name}, cell {cell}: {origin.minutes:.1f} minutes", flush=True)
 
     make = partial(_made, descriptions=descriptions)
     parallel_map(make, work, "cells", lost=_lost, finished=finished)

@@ -46,7 +46,7 @@ from structlearn.core.errors import InputError
 from structlearn.core.params import read_values
 from structlearn.core.stage import run
 from structlearn.reporting.document import render, source_commit
-from structlearn.reporting.prose import listing
+from structlearn.reporting.prose import counted, listing
 
 
 def main() -> None:
@@ -62,9 +62,11 @@ def main() -> None:
         for name in names:
             different += check_study(name, descriptions[name], root)
     else:
-        run_cells(descriptions, names, root)
-        for name in names:
-            join_study(name, descriptions[name], root)
+        try:
+            run_cells(descriptions, names, root)
+        finally:  # a study cut short has the cells that were made
+            for name in names:
+                join_study(name, descriptions[name], root)
     with publish(RESULTS / "index.html") as path:
         path.write_text(studies_page(descriptions), encoding="utf-8")
     print(f"{RESULTS}/index.html is up to date")
@@ -86,7 +88,9 @@ def join_study(name: str, description: Description, root: Path) -> None:
         before = stored_study(path.parent) if path.exists() else None
         study = joined(before, cells, made_with(name, description, root), description)
         publish_results(study.results, study.made, path)
-    print(f"{name}: {len(cells)} cells joined")
+        if before and (dropped := sorted(set(before.made.cells) - set(study.made.cells))):
+            print(f"{name}: {listing(dropped)} of other code or parameters dropped; git has them")
+    print(f"{name}: {counted(len(cells), 'cell')} joined")
 
 
 def check_study(name: str, description: Description, root: Path) -> list[str]:

@@ -16,6 +16,7 @@ from typing import Self
 
 import numpy as np
 
+from structlearn.core.compilation import numba
 from structlearn.segmentation.motion_runs import Candidates
 
 UNASSIGNED_PRICE = 1.5  # price of motion outside all primitives, per mean path length of a primitive
@@ -163,19 +164,28 @@ def _unassigned(choices: Candidates, since: np.ndarray, until: np.ndarray) -> np
 def _chains(
     primitives: Sequence[Candidates], gaps: Sequence[np.ndarray], most: int
 ) -> tuple[list[np.ndarray], list[float]]:
-    """Cheapest cuts of a demonstration and their costs, counting only unassigned motion and dips."""
+    """Cheapest cuts of a demonstration and their costs, counting only unassigned motion and dips.
+
+    What the rest of a cut costs at least is known of each candidate, so that of cuts in the making those are
+    kept which the cheapest whole ones begin with: without it a twitch before the first move, which costs
+    less than to leave it out, would take a move's place in all of them.
+    """
     ways = np.array([choices.travelled[-1] for choices in primitives])
     alike = [sum(choices.turns == other.turns for other in primitives) for choices in primitives]
     price = UNASSIGNED_PRICE * np.array(alike) / np.maximum(ways, np.finfo(float).tiny)
+    rests = [price[-1] * gaps[-1][:, 0]]  # (G,) per primitive, the last first
+    for place in range(len(primitives) - 1, 0, -1):
+        after = price[place] * gaps[place] + PAUSE_PRICE * primitives[place].paused_s + rests[-1]
+        rests.append(after.min(axis=1, initial=np.inf))
     chains, prices = np.zeros((1, 0), dtype=int), np.zeros(1)
-    for place, choices in enumerate(primitives):
+    for place, (choices, rest) in enumerate(zip(primitives, rests[::-1], strict=True)):
         before = gaps[place][chains[:, -1] if place else [0]]  # (N, G)
         grown = prices[:, None] + price[place] * before + PAUSE_PRICE * choices.paused_s
-        order = np.argsort(grown, axis=None, kind="stable")[:most]
-        order = order[np.isfinite(grown.ravel()[order])]
+        order = np.argsort(grown + rest, axis=None, kind="stable")[:most]
+        order = order[np.isfinite((grown + rest).ravel()[order])]
         rows, columns = np.unravel_index(order, grown.shape)
         chains, prices = np.hstack([chains[rows], columns[:, None]]), grown[rows, columns]
-    prices = prices + price[-1] * gaps[-1][chains[:, -1], 0]
+    prices = prices + rests[0][chains[:, -1]]
     return list(chains), prices.tolist()
 
 
@@ -194,6 +204,18 @@ def mismatch(choices: Candidates, pattern: Pattern, place: int) -> np.ndarray:
     return HASTE * longer + farther + 2.0 * apart / (choices.path_length[None] + path_length)
 
 
+@numba.njit(cache=True)
+def _reached(best: np.ndarray, price: np.ndarray, gaps: np.ndarray) -> np.ndarray:
+    """(K, G) cost to reach each candidate, from costs (K, F) so far, at prices (K,) of gaps (F, G)."""
+    costs = np.full((len(best), gaps.shape[1]), np.inf)
+    for k in range(len(best)):
+        for f in range(len(gaps)):
+            if best[k, f] < np.inf:
+                for g in range(gaps.shape[1]):
+                    costs[k, g] = min(costs[k, g], best[k, f] + price[k] * gaps[f, g])
+    return costs
+
+
 def _cheapest(
     primitives: Sequence[Candidates], gaps: Sequence[np.ndarray], pattern: Pattern
 ) -> tuple[np.ndarray, np.ndarray | None]:
@@ -206,9 +228,9 @@ def _cheapest(
     for place, choices in enumerate(primitives):
         if len(choices.first) == 0:
             return np.full(len(price), np.inf), None
-        so_far = best[:, :, None] + price[:, place, None, None] * gaps[place][None]  # (K, G before, G)
-        ways_back.append(np.argmin(so_far[0], axis=0))
-        best = so_far.min(axis=1) + mismatch(choices, pattern, place) + PAUSE_PRICE * choices.paused_s
+        ways_back.append(np.argmin(best[0][:, None] + price[0, place] * gaps[place], axis=0))
+        best = _reached(best, price[:, place], gaps[place])
+        best += mismatch(choices, pattern, place) + PAUSE_PRICE * choices.paused_s
     ends = best + price[:, -1:] * gaps[-1][None, :, 0]
     if not np.isfinite(ends[0]).any():
         return ends.min(axis=1), None
