@@ -70,7 +70,11 @@ def main() -> None:
     )
     networks.DROPOUT = 0.0
     ours = networks.ActionChunking(sizes, width, layers, chunk)
-    ours.load_state_dict(theirs.state_dict())
+    layers_of = {".layers.": ".", "decoder.0.": "decoder.", "decoder.norm.": "decoder_norm."}
+    weights = theirs.state_dict()
+    for place, name in layers_of.items():
+        weights = {one.replace(place, name): values for one, values in weights.items()}
+    ours.load_state_dict(weights)
     state, touch, actions = torch.randn(5, 10), torch.randn(5, 38), torch.randn(5, chunk, 6)
     batch = {
         STATE: state,

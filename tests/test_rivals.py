@@ -12,36 +12,28 @@ import yaml
 from board_rollouts import TESTBED
 from committed import ROOT, committed, parameter_tree, read_yaml
 from scraping_motions import scraping_skill
+from viewer_files import chunks, verify
 
 from dissertation.evidence.judged_page import publish_judged
 from dissertation.evidence.studies import RESULTS, Study, read_study
 from dissertation.evidence.study_cells import planned_cells, read_descriptions, run_cell, seeds_of
 from dissertation.evidence.study_tables import made_with
-from dissertation.rivals import protocol
-from dissertation.rivals.choice import TRIED, TrialParameters, trial_costs, trials, tried
+from dissertation.rivals import imitation_data, protocol
+from dissertation.rivals.choice import TrialParameters, choose, drawn_methods, trial_costs
 from dissertation.rivals.imitation_data import (
-    CORRECTED,
-    LEVEL,
-    UNMOVED,
     DemonstrationParameters,
-    Recorded,
-    Situation,
     bench_of,
     episodes,
+    first,
     frame_of,
-    moved,
     record,
 )
 from dissertation.rivals.networks import ActionChunking
+from dissertation.rivals.page import rivals_page
+from dissertation.rivals.page.rivals_page import page
+from dissertation.rivals.page.rivals_view import executed_once, side_by_side
 from dissertation.rivals.policies import Ensemble, RivalParameters, Units, train
-from dissertation.rivals.policy_execution import (
-    Knock,
-    MotionLimits,
-    cubic,
-    demonstrated_motion,
-    execute_policy,
-    execute_skill,
-)
+from dissertation.rivals.policy_execution import Leader, bounded, execute_policy
 from dissertation.rivals.protocol import (
     AS_DEMONSTRATED,
     KNOCKED,
@@ -52,13 +44,14 @@ from dissertation.rivals.protocol import (
     ComparisonParameters,
     MethodParameters,
     compare,
-    method_scores,
+    moved_runs,
     planned_runs,
+    results_of,
     run_scores,
 )
-from dissertation.rivals.rivals_page import page
-from dissertation.scraping.protocol.executions import NOMINAL as NOMINAL_RUN
-from dissertation.scraping.protocol.executions import Run, execute_run
+from dissertation.rivals.situations import UNMOVED, Situation, execute_skill, moved
+from dissertation.scraping.protocol.executions import Run, execute_run, nominal_runs
+from dissertation.simulation.fingers import FingerPair
 from structlearn.core import quaternion
 from structlearn.core.errors import InputError
 from structlearn.core.parallel import BACKEND
@@ -67,10 +60,12 @@ from structlearn.feedback.runtime import Controller
 from structlearn.primitives.sequence import PoseGoal, default_start
 from structlearn.readers.clock import synchronise
 from structlearn.readers.source import ClockParameters
+from structlearn.viewer.items import entity
+from structlearn.viewer.recording import publish_recordings
 
 TINY = {"width": 8, "layers": 1, "every": 4, "chunk": 3, "steps": 4, "batch": 3}
 RUN = Run("01", 5.0, (13, 1, 0))
-SHIFT = Situation(np.array([0.01, -0.02, 0.0]), np.array([-0.01, 0.015, 0.0]))
+SHIFT = Situation("shifted", (0.01, -0.02, 0.0), (-0.01, 0.015, 0.0))
 
 
 def rival(network, **changes):
@@ -99,12 +94,7 @@ def small():
 @pytest.fixture(scope="module")
 def seen(small):
     bench, recorded, _ = small
-    return episodes(bench, recorded)
-
-
-@pytest.fixture(scope="module")
-def limits(seen):
-    return demonstrated_motion(seen, 100.0, 0.05)
+    return episodes(bench, recorded, "deviation")
 
 
 class Copier:
@@ -112,11 +102,9 @@ class Copier:
 
     def __init__(self, run, frame, every=1):
         self.parameters = SimpleNamespace(ensemble=0.01, every=every, sensors="raw", network="copied")
+        self.fastest = 0.01, 0.05
         self.poses = frame.relative(run.position, run.orientation)[::3]
         self.sensed, self.every = [], every
-
-    def start(self):
-        self.sensed.clear()
 
     def chunk(self, pose, task, touch):
         self.sensed.append(np.concatenate([pose, task, touch]))
@@ -125,20 +113,13 @@ class Copier:
 
 
 @pytest.mark.parametrize("network", RIVALS)
-@pytest.mark.parametrize("action", ["absolute", "relative"])
-def test_a_policy_gives_chunks_and_the_same_ones_again(seen, network, action):
-    parameters, one = rival(network, action=action), seen[0]
-    inputs = one.pose[0], one.task[0], one.touch["deviation"][0]
-    first, again, other = (train(seen, parameters, seed) for seed in (1, 1, 2))
-    found = []
-    for policy in (first, again, other):
-        policy.start()
-        found.append(policy.chunk(*inputs))
-    assert found[0].shape == (3, 6)
-    np.testing.assert_array_equal(found[0], found[1])
-    assert np.abs(found[0] - found[2]).max() > 0.0
-    first.start()  # forgets what it saw
-    np.testing.assert_array_equal(first.chunk(*inputs), found[0])
+def test_a_policy_gives_chunks_and_the_same_ones_again(seen, network):
+    parameters, one = rival(network), seen[0]
+    inputs = one.pose[0], one.task[0], one.touch[0]
+    first, again, other = (train(seen, parameters, seed).chunk(*inputs) for seed in (1, 1, 2))
+    assert first.shape == (3, 6)
+    np.testing.assert_array_equal(first, again)
+    assert np.abs(first - other).max() > 0.0
 
 
 def test_training_leaves_other_random_numbers_alone(seen):
@@ -149,30 +130,14 @@ def test_training_leaves_other_random_numbers_alone(seen):
     assert torch.equal(torch.rand(3), expected)
 
 
-@pytest.mark.parametrize("action", ["absolute", "relative"])
-def test_a_network_learns_what_it_is_shown(seen, action):
+def test_a_network_learns_what_it_is_shown(seen):
     """With enough steps, the next pose of a demonstration from what was seen there."""
-    parameters = rival(
-        "feedforward", action=action, width=64, layers=2, steps=1500, batch=64, chunk=1, noise=0.0
-    )
+    parameters = rival("feedforward", width=64, layers=2, steps=1500, batch=64, chunk=1, noise=0.0)
     policy, one = train(seen, parameters, 1), seen[-1]
-    found = np.array(
-        [policy.chunk(one.pose[k], one.task[k], one.touch["deviation"][k])[0] for k in range(200)]
-    )
+    found = np.array([policy.chunk(one.pose[k], one.task[k], one.touch[k])[0] for k in range(200)])
     error = found - one.pose[4:204]
     assert np.abs(error[:, :3]).max() < 0.2 * np.ptp(one.pose[:, :3], axis=0).max()
     assert np.linalg.norm(error) < 0.1 * np.linalg.norm(one.pose[4:204] - one.pose.mean(axis=0))
-
-
-def test_the_recurrent_network_remembers(seen):
-    policy, one = train(seen, rival("recurrent"), 1), seen[0]
-    chunks = []
-    for first in (0, 100):
-        policy.start()
-        for k in (first, 200):
-            chunk = policy.chunk(one.pose[k], one.task[k], one.touch["deviation"][k])
-        chunks.append(chunk)
-    assert np.abs(chunks[0] - chunks[1]).max() > 0.0
 
 
 def test_the_transformer_draws_a_style_in_training_alone():
@@ -224,7 +189,7 @@ def test_moved_primitives_are_those_that_the_controller_plans():
 
 def test_demonstrations_start_and_end_where_they_are_told_within_the_range(small, seen):
     _, recorded, parameters = small
-    flat = [its for tilt in recorded.runs for its in recorded.situations[tilt]]
+    flat = [situation for its in recorded.values() for situation, _ in its]
     assert len(flat) == len(seen) == 6
     for situation in flat:
         assert (np.abs([situation.start, situation.goal]) <= parameters.range_m).all()
@@ -232,7 +197,7 @@ def test_demonstrations_start_and_end_where_they_are_told_within_the_range(small
     for one in seen:
         assert np.linalg.norm(one.pose[-1, :2]) < 2e-3  # at the goal
         np.testing.assert_allclose(one.pose[0, :3], one.task[0, :3], atol=1e-6)
-    assert [len(its) for its in recorded.first(1).runs.values()] == [2, 1, 1]
+    assert [len(its) for its in first(recorded, 1).values()] == [2, 1, 1]
 
 
 def test_nobody_corrects_on_the_level_board(small):
@@ -241,48 +206,47 @@ def test_nobody_corrects_on_the_level_board(small):
         record(bench, parameters.model_copy(update={"settings_deg": (0.0, 5.0)}))
 
 
-def test_a_copied_execution_is_reproduced_and_what_is_sensed_is_what_was_recorded(small, limits):
+def test_a_copied_execution_is_reproduced_and_what_is_sensed_is_what_was_recorded(small):
     bench, *_ = small
     frame = frame_of(moved(bench.skill, SHIFT))
     nominal = execute_skill(RUN, bench.skill, bench, SHIFT)
     copier = Copier(nominal, frame)
-    copied = execute_policy(RUN, copier, limits, bench, SHIFT)
+    copied = execute_policy(RUN, copier, bench, SHIFT)
     assert np.abs(copied.position - nominal.position).max() < 1e-3
     assert np.degrees(quaternion.angle_between(copied.orientation, nominal.orientation).max()) < 0.3
     scores = [run_scores(bench, one, SHIFT) for one in (nominal, copied)]
     assert scores[1]["cost"] == pytest.approx(scores[0]["cost"], rel=0.05)
     assert scores[0]["failed"] == scores[1]["failed"] == 0.0
-    alone = {5.0: [copied]}
-    (recorded,) = episodes(bench, Recorded(alone, {5.0: [SHIFT]}))
+    (recorded,) = episodes(bench, {5.0: [(SHIFT, copied)]}, "raw")
     online = np.array(copier.sensed)[5 : len(recorded.pose) - 5]
     rows = slice(5, len(recorded.pose) - 5)
     np.testing.assert_allclose(online[:, :6], recorded.pose[rows], atol=1e-9)
     np.testing.assert_allclose(online[:, 6:10], recorded.task[rows], atol=1e-9)
-    apart = online[:, 10:] - recorded.touch["raw"][rows]
+    apart = online[:, 10:] - recorded.touch[rows]
     assert np.abs(apart).max() < 0.1 * np.abs(online[:, 10:]).max()  # stamps jitter
     assert np.abs(apart.mean(axis=0)).max() < 0.5
 
 
 def test_deviations_are_readings_less_the_expected_ones(small, seen):
-    level = seen[0]
-    own = np.sqrt(np.mean(level.touch["deviation"][5:] ** 2))
-    assert own < 0.5 * np.sqrt(np.mean(level.touch["raw"][5:] ** 2))
+    bench, recorded, _ = small
+    raw = episodes(bench, recorded, "raw")[0]
+    assert np.sqrt(np.mean(seen[0].touch[5:] ** 2)) < 0.5 * np.sqrt(np.mean(raw.touch[5:] ** 2))
 
 
-def test_rivals_and_the_skill_meet_equal_conditions(small, limits):
+def test_rivals_and_the_skill_meet_equal_conditions(small):
     """A rival that copies the skill feels the same board: readings are equal until their paths part."""
     bench, *_ = small
     nominal = execute_skill(RUN, bench.skill, bench, UNMOVED)
-    copied = execute_policy(RUN, Copier(nominal, frame_of(bench.skill)), limits, bench, UNMOVED)
+    copied = execute_policy(RUN, Copier(nominal, frame_of(bench.skill)), bench, UNMOVED)
     np.testing.assert_allclose(copied.tactile[0], nominal.tactile[0], atol=1.0)
     np.testing.assert_allclose(copied.wrench[0], nominal.wrench[0], atol=1e-9)
 
 
 def test_a_knock_takes_the_tool_off_and_none_changes_no_bit(small):
     bench, *_ = small
-    knock = Knock(1.0, 1.2, np.array([0.0, 0.0, 20.0]))
-    calm, knocked = (execute_skill(RUN, bench.skill, bench, UNMOVED, one) for one in (None, knock))
-    none = execute_skill(RUN, bench.skill, bench, UNMOVED, replace(knock, end_s=knock.start_s))
+    knock = Situation(KNOCKED, knock_n=(0.0, 0.0, 20.0), knock_s=(1.0, 1.2))
+    late = replace(knock, knock_s=(1e3, 2e3))  # after the run's end, but tick by tick
+    calm, knocked, none = (execute_skill(RUN, bench.skill, bench, one) for one in (UNMOVED, knock, late))
     plain = synchronise(execute_run(RUN, 0, bench.skill, TESTBED), 300.0, bench.clock.max_gap_s)
     for one in (calm, none):
         np.testing.assert_array_equal(one.position, plain.position)
@@ -294,45 +258,39 @@ def test_a_knock_takes_the_tool_off_and_none_changes_no_bit(small):
     assert (knocked.position - plain.position)[during, 2].max() > 1e-3
 
 
-def test_a_reference_is_bounded_and_smooth():
-    limits = MotionLimits(0.1, 0.5, np.full(3, -0.01), np.full(3, 0.01))
-    before = np.zeros(6)
-    pose = limits.bounded(np.array([1.0, 0, 0, 0, 2.0, 0]), before, 0.04)
-    np.testing.assert_allclose(pose, [0.004, 0, 0, 0, 0.02, 0])
-    np.testing.assert_array_equal(limits.bounded(before, before, 0.04), before)
-    path, rates, _ = cubic(before, np.full(6, 0.3), pose, np.full(6, -0.2), 12, 0.04)
-    np.testing.assert_allclose(path[-1], pose, atol=1e-15)
-    np.testing.assert_allclose(rates[-1], -0.2)
-    steps = np.diff(np.vstack([before, path]), axis=0) / (0.04 / 12)
-    np.testing.assert_allclose(steps[0], 0.3, atol=0.1)
+def test_a_reference_moves_no_faster_than_demonstrations_and_is_smooth(small):
+    bench, dt = small[0], 1.0 / 300.0
+    own = bench.testbed
+    fingers = FingerPair(own.touch, own.sensor_seed, np.random.default_rng(0), own.finger_rate_hz)
+    policy = SimpleNamespace(parameters=rival("feedforward"), fastest=(0.001, 0.005))
+    leader = Leader(policy, bench.skill, fingers, 60, dt)
+    begin, path, far = leader.pose, leader.reference, np.array([1.0, 0, 0, 0, 2.0, 0])
+    leader._write(0, begin + far)
+    leader._write(12, begin + far)
+    np.testing.assert_allclose(leader.pose - begin, [0.008, 0, 0, 0, 0.04, 0], atol=1e-15)
+    speeds = np.diff(path.position[:25, 0]) / dt
+    np.testing.assert_allclose(0.5 * (path.velocity[:24, 0] + path.velocity[1:25, 0]), speeds, atol=1e-2)
+    assert np.abs(np.diff(speeds)).max() < 0.05
+    np.testing.assert_allclose(path.velocity[[12, 24], 0], 0.1)
+    np.testing.assert_array_equal(bounded(np.zeros(6), np.ones(2)), np.zeros(6))
 
 
-@pytest.mark.parametrize(
-    ("network", "changes", "message"),
-    [
-        ("chunking", {"width": 10}, "width 10 is not a multiple of 4 heads"),
-        ("feedforward", {}, "longer than"),
-    ],
-)
-def test_bad_input_is_refused_in_one_line(seen, network, changes, message):
-    shown = seen if changes else [replace(seen[0], pose=seen[0].pose[:3])]
-    with pytest.raises(InputError, match=message):
-        train(shown, rival(network, **changes), 1)
-    with pytest.raises(InputError, match=message):
-        train([] if not changes else seen, rival(network, **changes), 1)
+def test_a_width_that_heads_cannot_share_is_refused():
+    with pytest.raises(ValueError, match="multiple of 4"):
+        RivalParameters.model_validate(rival("chunking").model_dump() | {"width": 10})
 
 
 def test_a_rival_that_puts_out_nonsense_has_failed(small, monkeypatch):
     bench, recorded, _ = small
-    plan = [protocol.Planned(RUN, UNMOVED, AS_DEMONSTRATED)]
-    policy = SimpleNamespace(
-        parameters=rival("feedforward"), start=lambda: None, chunk=lambda *_: np.full((3, 6), np.nan)
-    )
+    policy = SimpleNamespace(parameters=rival("feedforward"), chunk=lambda *_: np.full((3, 6), np.nan))
     monkeypatch.setattr(protocol, "train", lambda *_: policy)
-    scores, *_ = method_scores(bench, recorded, rival("feedforward"), plan, 0.05, 1)
+    monkeypatch.setenv(BACKEND, "sequential")
+    trial = protocol.Trial("feedforward", 2, policy.parameters, recorded, [(RUN, UNMOVED)])
+    scores = results_of(7, bench, [trial], 1).set_index("quantity")["value"]
     ticks = sum(round(300 * one.duration) for one in bench.skill.primitives[1:])
-    assert scores["failed"].item() == 1.0
-    assert scores["cost"].item() == pytest.approx(ticks * np.radians(30.0), rel=0.01)
+    assert scores["failed"] == 1.0
+    assert scores["cost"] == pytest.approx(ticks * np.radians(30.0), rel=0.01)
+    assert set(scores.index) == {"failed", "cost"}  # where it ended, and how, is not known
 
 
 @pytest.fixture(scope="module")
@@ -381,21 +339,23 @@ def test_a_reduced_cell_runs_from_demonstrations_to_results(small, comparison, m
         compare(7, bench, recorded, comparison.model_copy(update={"counts": (1, 3)}), METHODS)
 
 
-def test_equal_runs_of_all_methods_have_equal_seeds_which_no_demonstration_has(small, comparison):
-    bench, *_ = small
-    full, some = (planned_runs(bench, comparison, moved=moved) for moved in (True, False))
-    assert full[: len(some)] == some
-    assert {one.run.seed[0] for one in full} == {protocol.EVALUATED}
-    assert protocol.EVALUATED not in (TRIED, CORRECTED, LEVEL, NOMINAL_RUN)
+def test_runs_of_all_methods_meet_conditions_that_no_demonstration_has(small, comparison, monkeypatch):
+    bench, made = small[0], []
+    monkeypatch.setattr(imitation_data, "parallel_map", lambda _, work, __: made.extend(work) or work)
+    record(bench, small[2])
+    plan = [*planned_runs(comparison.settings_deg, comparison.runs), *moved_runs(bench, comparison)]
+    shown = {run.seed for run, _ in made} | {run.seed for run in nominal_runs(small[2].expected_runs)}
+    assert len(shown) == 8
+    assert not {run.seed for run, _ in plan} & shown
 
 
 def test_every_method_has_as_many_trials():
     parameters = committed(TrialParameters, "rival_trials")
     for model in (OURS, *RIVALS):
-        own = trials(model, parameters)
+        own = drawn_methods(model, parameters)
         assert len(own) == parameters.trials
         assert len({one.model_dump_json() for one in own}) == parameters.trials
-        assert own == trials(model, parameters)
+        assert own == drawn_methods(model, parameters)
         assert type(own[0]) is type(getattr(METHODS, model))
 
 
@@ -410,21 +370,21 @@ def test_trials_are_made_with_the_parameters_that_they_draw(small, comparison, m
     options["ours"]["pointwise"]["dropout"] = [0.0, 0.5]
     drawing = committed(TrialParameters, "rival_trials", trials=2, count=1, settings_deg=(5.0,))
     drawing = drawing.model_copy(update=options)
-    results = tried(3, bench, recorded, comparison, drawing)
+    results = choose(3, bench, recorded, drawing, comparison.seed)
     for model in (OURS, *RIVALS):
-        assert len(results.query("model == @model")) == 4
+        assert len(results.query("model == @model and quantity == 'failed'")) == 2
         costs = trial_costs(results, model)
         assert costs[0] != costs[1]
-    drawing.recurrent["steps"] = [4]
+    drawing.chunking["steps"] = [4]
     with pytest.raises(
-        InputError, match=r"rival_trials\.recurrent: the options do not make 2 different trials"
+        InputError, match=r"rival_trials\.chunking: the options do not make 2 different trials"
     ):
-        trials("recurrent", drawing)
+        drawn_methods("chunking", drawing)
 
 
 def test_the_trial_with_the_lowest_geometric_mean_is_the_best():
     rows = [(0, 1.0), (0, 100.0), (1, 4.0), (1, 4.0), (2, 60.0), (2, 1.0)]
-    table = pd.DataFrame(rows, columns=["level", "value"]).assign(quantity="trial_cost", model="ours")
+    table = pd.DataFrame(rows, columns=["level", "value"]).assign(quantity="cost", model="ours")
     other = table.assign(model="chunking", value=5.0 - table["level"])
     both = pd.concat([table, other])
     assert trial_costs(both, "ours").round(6).to_dict() == {0: 10.0, 1: 4.0, 2: round(60.0**0.5, 6)}
@@ -441,7 +401,7 @@ def test_what_was_chosen_on_tuning_people_is_what_is_compared():
     )
     for model in (OURS, *RIVALS):
         best = trial_costs(study.results, model).idxmin()
-        assert getattr(methods, model) == trials(model, parameters)[int(best)]
+        assert getattr(methods, model) == drawn_methods(model, parameters)[int(best)]
 
 
 def test_nobody_tuned_on_is_in_the_comparison():
@@ -485,8 +445,13 @@ def studied():
 
 
 def shown(study):
-    its = committed(ComparisonParameters, "rivals"), committed(TrialParameters, "rival_trials")
-    return page(study, None, *its)
+    """Its page, with trials of which the number is the cost."""
+    budget = committed(TrialParameters, "rival_trials")
+    rows = [
+        {"quantity": quantity, "value": number + 1.0, "level": float(number), "model": model}
+        for quantity, model, number in product(("cost", "failed"), MODELS[1:], range(budget.trials))
+    ]
+    return page(study, Study(pd.DataFrame(rows)), committed(ComparisonParameters, "rivals"), budget)
 
 
 def test_the_page_judges_what_it_shows_either_way(studied, tmp_path):
@@ -504,11 +469,35 @@ def test_the_page_judges_what_it_shows_either_way(studied, tmp_path):
     assert against["all_demonstrations"] == against["unseen_tilts"] == against["knocked"] == "no"
 
 
-def test_a_page_without_a_study_says_that_nothing_was_tested(tmp_path):
-    document, drawn, tables, find = shown(None)
-    assert {one.verdict for one in document.judged} == {"not tested"}
-    publish_judged(tmp_path, {"index": document}, drawn, tables, find)
-    assert "has not been run" in (tmp_path / "index.html").read_text()
+def test_the_table_of_trials_says_what_was_drawn_and_chosen(studied):
+    table = shown(studied)[2]["rival_choices"].frame
+    assert list(table[table["note"] == "chosen"]["trial"]) == [0, 0, 0]
+    budget = committed(TrialParameters, "rival_trials")
+    drawn = drawn_methods("chunking", budget)[1]
+    assert f"chunk {drawn.chunk}, " in table["drawn"].iloc[2 * budget.trials + 1]
+    assert "batch" not in table["drawn"].iloc[-1]  # has one option
+
+
+def test_the_times_of_the_benchmark_are_shown_if_they_are_there(studied, tmp_path, monkeypatch):
+    times = tmp_path / "times.csv"
+    times.write_text("method,training_s,decision_ms,rate_hz\nours,12.34,0.0123,300\n")
+    monkeypatch.setattr(rivals_page, "TIMES", times)
+    document, drawn, tables, find = shown(studied)
+    publish_judged(tmp_path / "page", {"index": document}, drawn, tables, find)
+    assert '<td class="number">0.012</td>' in (tmp_path / "page/index.html").read_text()
+
+
+def test_one_recording_has_all_methods_side_by_side(small, tmp_path, monkeypatch):
+    monkeypatch.setenv(BACKEND, "sequential")
+    bench, recorded, _ = small
+    executions = executed_once(bench, recorded, METHODS, 8.8, 1)
+    coupling = {one.look.name: np.abs(one.traces["coupling"]).max() for one in executions}
+    assert [name for name, most in coupling.items() if most > 0.0] == ["primitives with feedback"]
+    publish_recordings(tmp_path / "rerun", {"side_by_side": side_by_side(executions)})
+    verify(tmp_path / "rerun/side_by_side.rrd")
+    paths = {one.entity_path for one in chunks(tmp_path / "rerun/side_by_side.rrd")}
+    for one in executions:
+        assert f"/{entity('runs', one.look.name).strip('/')}/hand/electrodes" in paths
 
 
 def test_a_cell_of_the_study_runs_its_stage(tmp_path):
@@ -533,5 +522,5 @@ def test_a_cell_of_the_study_runs_its_stage(tmp_path):
     assert set(results["model"]) >= {OURS, *RIVALS}
     costs = results[results["quantity"] == "cost"]
     assert (costs["value"] > 0.0).all()
-    assert len(costs) == 5 * 6  # models by the tilt and five other situations
+    assert len(costs) == 4 * 6  # models by the tilt and five other situations
     assert made_with(name, description, tmp_path).keys() == set(description.parameters)

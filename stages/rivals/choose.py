@@ -1,36 +1,19 @@
-"""Try forms of every method on one person, for `rivals` in params.yaml."""
+"""Try forms of every method on one person, for `rival_methods` in params.yaml."""
 
 from dissertation.evidence.results import FOLDER
-from dissertation.rivals.choice import TrialParameters, tried
-from dissertation.rivals.imitation_data import learned_bench, record
+from dissertation.rivals.choice import TrialParameters, choose
+from dissertation.rivals.imitation_data import recorded_person
 from dissertation.rivals.protocol import ComparisonParameters
-from dissertation.scraping.world.demonstrator import DemonstratorParameters
-from dissertation.scraping.world.testbed import TestbedParameters, drawn_testbed
 from structlearn.core.artefacts import publish, write_table
 from structlearn.core.stage import run, stage_parameters
-from structlearn.feedback.coupling_targets import SupervisionParameters
-from structlearn.primitives.fitting import FitParameters
-from structlearn.readers.source import ClockParameters
-from structlearn.segmentation.parameters import SegmentParameters
 
 
 def main() -> None:
     parameters = stage_parameters("rivals", ComparisonParameters)
-    people = stage_parameters("simulate", DemonstratorParameters)
-    bench = learned_bench(
-        people,
-        drawn_testbed(stage_parameters("testbed", TestbedParameters)),
-        stage_parameters("clock", ClockParameters),
-        stage_parameters("segment", SegmentParameters),
-        stage_parameters("fit_primitives", FitParameters),
-        stage_parameters("coupling_dataset", SupervisionParameters),
-        parameters.demonstrations,
-    )
-    choice = stage_parameters("rival_trials", TrialParameters)
-    recorded = record(bench, parameters.demonstrations)
-    results = tried(people.seed, bench, recorded, parameters, choice)
+    trials = stage_parameters("rival_trials", TrialParameters)
+    person = recorded_person(parameters.demonstrations)
     with publish(FOLDER / "rivals.parquet") as path:
-        write_table(results, path)
+        write_table(choose(*person, trials, parameters.seed), path)
 
 
 if __name__ == "__main__":

@@ -5,33 +5,18 @@ A trial draws each parameter of a method from its options (`params.yaml`, `rival
 geometric mean of cost over people and tilts is chosen, and stands in `rival_methods`.
 """
 
-from collections.abc import Mapping, Sequence
-from functools import partial
+from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
 import pandas as pd
 from pydantic import Field
 
-from dissertation.evidence.results import joined_results, long_table
-from dissertation.rivals.imitation_data import UNMOVED, Recorded
-from dissertation.rivals.protocol import (
-    AS_DEMONSTRATED,
-    MODELS,
-    ComparisonParameters,
-    MethodParameters,
-    Planned,
-    method_scores,
-    run_at,
-)
+from dissertation.rivals.imitation_data import Recorded, first
+from dissertation.rivals.protocol import MODELS, MethodParameters, Trial, planned_runs, results_of
 from dissertation.scraping.protocol.executions import Bench
 from structlearn.core.errors import InputError
-from structlearn.core.parallel import parallel_map
 from structlearn.core.params import Parameters
-
-TRIED = 14  # first number of a run's seed, its purpose; see `protocol.EVALUATED`
-STAGE = "rivals_choose"
-KEYS: Mapping[str, type] = {"person": int, "model": str, "level": float, "setting": float}  # level: the trial
 
 Options = dict[str, list[Any] | dict[str, list[Any]]]
 """Values to draw from, by parameter."""
@@ -47,18 +32,30 @@ class TrialParameters(Parameters):
     runs: int = Field(ge=1)
     ours: Options
     feedforward: Options
-    recurrent: Options
     chunking: Options
 
 
-def trials(model: str, parameters: TrialParameters) -> list[Any]:
+def choose(
+    person: int, bench: Bench, recorded: Recorded, parameters: TrialParameters, seed: int
+) -> pd.DataFrame:
+    """Results of all trials on one person, whose numbers are their level. `seed`: of training."""
+    own, shown = parameters, first(recorded, parameters.count)
+    plan = planned_runs(own.settings_deg, own.runs)
+    trials = [
+        Trial(model, number, its, shown, plan)
+        for model in MODELS[1:]
+        for number, its in enumerate(drawn_methods(model, own))
+    ]
+    return results_of(person, bench, trials, seed)
+
+
+def drawn_methods(model: str, parameters: TrialParameters) -> list[Any]:
     """Parameters of all trials of a method, no two alike.
 
     Raises InputError: there are too few options; ValidationError: one of them is out of range.
     """
     rng = np.random.default_rng([parameters.seed, MODELS.index(model)])
-    kind = MethodParameters.model_fields[model].annotation
-    assert kind is not None
+    kind: Any = MethodParameters.model_fields[model].annotation
     found: list[Any] = []
     for _ in range(100 * parameters.trials):
         drawn = kind.model_validate(_drawn(getattr(parameters, model), rng))
@@ -75,41 +72,7 @@ def _drawn(options: Mapping[str, Any], rng: np.random.Generator) -> dict[str, An
     }
 
 
-def tried(
-    person: int,
-    bench: Bench,
-    recorded: Recorded,
-    parameters: ComparisonParameters,
-    choice: TrialParameters,
-) -> pd.DataFrame:
-    """Results of all trials on one person: `trial_cost`, and the share `trial_failed`."""
-    plan = [
-        Planned(run_at(TRIED, tilt, number), UNMOVED, AS_DEMONSTRATED)
-        for tilt in choice.settings_deg
-        for number in range(choice.runs)
-    ]
-    work = [(model, place, its) for model in MODELS[1:] for place, its in enumerate(trials(model, choice))]
-    trial = partial(_tried, bench=bench, recorded=recorded.first(choice.count), plan=plan, own=parameters)
-    parts = []
-    for (model, place, _), scores in zip(work, parallel_map(trial, work, "trials"), strict=True):
-        means = scores.groupby("setting")[["cost", "failed"]].mean()
-        keys: dict[str, Any] = {"person": person, "model": model, "level": float(place)}
-        parts.append(long_table(STAGE, "trial_cost", means["cost"], "rad", **keys))
-        parts.append(long_table(STAGE, "trial_failed", means["failed"], **keys))
-    return joined_results(parts, KEYS)
-
-
-def _tried(
-    work: tuple[str, int, Any],
-    bench: Bench,
-    recorded: Recorded,
-    plan: Sequence[Planned],
-    own: ComparisonParameters,
-) -> pd.DataFrame:
-    return method_scores(bench, recorded, work[2], plan, own.margin_m, own.seed)[0]
-
-
 def trial_costs(results: pd.DataFrame, model: str) -> pd.Series:
     """Geometric mean of cost over people and tilts in rad, by trial; the lowest is chosen."""
-    rows = results[(results["quantity"] == "trial_cost") & (results["model"] == model)]
+    rows = results[(results["quantity"] == "cost") & (results["model"] == model)]
     return np.exp(np.log(rows.set_index("level")["value"]).groupby(level=0).mean())

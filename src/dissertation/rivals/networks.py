@@ -1,17 +1,15 @@
-"""Networks that imitate poses: feed-forward, recurrent, and an action-chunking transformer (ACT).
+"""Networks that imitate poses: a feed-forward one, and an action-chunking transformer (ACT).
 
-All map the standardised state (pose and task) and touch to a chunk of H later poses.
+Both map the standardised state (pose and task) and touch to a chunk of H later poses.
 
 ACT is that of Zhao, Kumar, Levine & Finn (2023, "Learning fine-grained bimanual manipulation with low-cost
 hardware"): a conditional variational auto-encoder. Its encoder compresses a demonstrated chunk to a style z;
 its decoder is a transformer from tokens of z, state and touch to the chunk; z = 0 when it acts. LeRobot 0.4.4
 has it, also without images, but needs torch < 2.11 and rerun-sdk < 0.27, where this project has 2.13 and
-0.41. So it is written here again, under LeRobot's names of weights, which both can exchange
-(`benchmarks/act_of_lerobot.py`), and smaller (`DEPARTURES`): we have some dozens of demonstrations of six
-numbers, without cameras.
+0.41. So it is written here again, for LeRobot's weights (`benchmarks/act_of_lerobot.py`), and smaller
+(`DEPARTURES`): we have some dozens of demonstrations of six numbers, without cameras.
 """
 
-from collections.abc import Iterable
 from itertools import pairwise
 
 import numpy as np
@@ -42,6 +40,8 @@ DEPARTURES = {  # published (table III of the paper and its text), and here
 class Feedforward(nn.Module):
     """Fully connected network with rectified hidden layers."""
 
+    error = staticmethod(nn.functional.mse_loss)
+
     def __init__(self, inputs: tuple[int, int], width: int, layers: int, chunk: int) -> None:
         """`inputs`: sizes of state and touch; `chunk`: H."""
         super().__init__()
@@ -49,44 +49,31 @@ class Feedforward(nn.Module):
         hidden = [part for pair in pairwise(sizes) for part in (nn.Linear(*pair), nn.ReLU())]
         self.layers = nn.Sequential(*hidden, nn.Linear(sizes[-1], chunk * ACTION))
 
-    def forward(self, state: Tensor, touch: Tensor) -> Tensor:
-        """Chunks (..., H, 6) from (..., S) and (..., E)."""
-        return self.layers(torch.cat([state, touch], dim=-1)).unflatten(-1, (-1, ACTION))
-
-
-class Recurrent(nn.Module):
-    """Gated recurrent units over the run so far; constructed as `Feedforward`."""
-
-    def __init__(self, inputs: tuple[int, int], width: int, layers: int, chunk: int) -> None:
-        super().__init__()
-        self.units = nn.GRU(sum(inputs), width, layers, batch_first=True)
-        self.head = nn.Linear(width, chunk * ACTION)
-
-    def forward(self, state: Tensor, touch: Tensor, memory: Tensor | None = None) -> tuple[Tensor, Tensor]:
-        """Chunks (B, T, H, 6) from (B, T, S) and (B, T, E), and the memory after them."""
-        hidden, memory = self.units(torch.cat([state, touch], dim=-1), memory)
-        return self.head(hidden).unflatten(-1, (-1, ACTION)), memory
+    def forward(self, state: Tensor, touch: Tensor, _: Tensor | None = None) -> tuple[Tensor, Tensor]:
+        """Chunks (B, H, 6) from (B, S) and (B, E), and 0: there are no styles that could diverge."""
+        return self.layers(torch.cat([state, touch], dim=-1)).unflatten(-1, (-1, ACTION)), torch.zeros(())
 
 
 class ActionChunking(nn.Module):
     """Action-chunking transformer; `layers` of both encoders, otherwise constructed as `Feedforward`."""
 
     vae_encoder_pos_enc: Tensor
+    error = staticmethod(nn.functional.l1_loss)
 
     def __init__(self, inputs: tuple[int, int], width: int, layers: int, chunk: int) -> None:
         super().__init__()
-        self.vae_encoder = Layers(EncoderLayer(width) for _ in range(layers))
+        self.vae_encoder = nn.ModuleList(EncoderLayer(width) for _ in range(layers))
         self.vae_encoder_cls_embed = nn.Embedding(1, width)
         self.vae_encoder_robot_state_input_proj = nn.Linear(inputs[0], width)
         self.vae_encoder_action_input_proj = nn.Linear(ACTION, width)
         self.vae_encoder_latent_output_proj = nn.Linear(width, 2 * LATENT)
         self.register_buffer("vae_encoder_pos_enc", sinusoids(2 + chunk, width)[None])
-        self.encoder = Layers(EncoderLayer(width) for _ in range(layers))
+        self.encoder = nn.ModuleList(EncoderLayer(width) for _ in range(layers))
         self.encoder_1d_feature_pos_embed = nn.Embedding(3, width)
         self.encoder_latent_input_proj = nn.Linear(LATENT, width)
         self.encoder_robot_state_input_proj = nn.Linear(inputs[0], width)
         self.encoder_env_state_input_proj = nn.Linear(inputs[1], width)
-        self.decoder = Layers([DecoderLayer(width)], nn.LayerNorm(width))
+        self.decoder, self.decoder_norm = DecoderLayer(width), nn.LayerNorm(width)
         self.decoder_pos_embed = nn.Embedding(chunk, width)
         self.action_head = nn.Linear(width, ACTION)
         for weights in (*self.encoder.parameters(), *self.decoder.parameters()):
@@ -111,30 +98,20 @@ class ActionChunking(nn.Module):
         places, queries = (
             one.weight[:, None] for one in (self.encoder_1d_feature_pos_embed, self.decoder_pos_embed)
         )
-        for layer in self.encoder.layers:
+        for layer in self.encoder:
             tokens = layer(tokens, places)
-        chunk = torch.zeros(len(queries), *tokens.shape[1:])
-        for layer in self.decoder.layers:
-            chunk = layer(chunk, queries, tokens, places)
-        return self.action_head(self.decoder.norm(chunk).transpose(0, 1)), divergence
+        chunk = self.decoder(torch.zeros(len(queries), *tokens.shape[1:]), queries, tokens, places)
+        return self.action_head(self.decoder_norm(chunk).transpose(0, 1)), divergence
 
     def _style(self, state: Tensor, actions: Tensor) -> tuple[Tensor, Tensor]:
         first = self.vae_encoder_cls_embed.weight.expand(len(state), 1, -1)
         own = self.vae_encoder_robot_state_input_proj(state)[:, None]
         tokens = torch.cat([first, own, self.vae_encoder_action_input_proj(actions)], dim=1).transpose(0, 1)
-        for layer in self.vae_encoder.layers:
+        for layer in self.vae_encoder:
             tokens = layer(tokens, self.vae_encoder_pos_enc.transpose(0, 1))
         mean, log_variance = self.vae_encoder_latent_output_proj(tokens[0]).chunk(2, dim=1)
         style = mean + (0.5 * log_variance).exp() * torch.randn_like(mean)
         return style, -0.5 * (1.0 + log_variance - mean.square() - log_variance.exp()).sum(dim=1).mean()
-
-
-class Layers(nn.Module):
-    """Layers of a transformer, and a normalisation after them."""
-
-    def __init__(self, layers: Iterable[nn.Module], norm: nn.Module | None = None) -> None:
-        super().__init__()
-        self.layers, self.norm = nn.ModuleList(layers), norm or nn.Identity()
 
 
 class EncoderLayer(nn.Module):

@@ -15,8 +15,7 @@ equal conditions.
 Bounds were stated before any person of the study was run; tuning person 1 had been looked at.
 """
 
-import time
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
 
@@ -25,18 +24,13 @@ import pandas as pd
 from pydantic import Field
 
 from dissertation.evidence.results import joined_results, long_table
-from dissertation.rivals.imitation_data import (
-    UNMOVED,
-    DemonstrationParameters,
-    Recorded,
-    Situation,
-    episodes,
-)
+from dissertation.rivals.imitation_data import DemonstrationParameters, Recorded, episodes, first
 from dissertation.rivals.policies import RivalParameters, train
-from dissertation.rivals.policy_execution import Knock, demonstrated_motion, execute_policy, execute_skill
+from dissertation.rivals.policy_execution import execute_policy
+from dissertation.rivals.situations import UNMOVED, Situation, execute_skill
 from dissertation.scraping.protocol.board_refinement import FAILURES
 from dissertation.scraping.protocol.execution_scores import NOMINAL, orientation_cost
-from dissertation.scraping.protocol.executions import Bench, Run
+from dissertation.scraping.protocol.executions import Bench, Run, evaluation_runs
 from structlearn.core.errors import InputError
 from structlearn.core.parallel import parallel_map
 from structlearn.core.params import Parameters
@@ -49,18 +43,16 @@ from structlearn.readers.demonstration import Demonstration
 from structlearn.segmentation.segments import commanded_cuts
 
 OURS = "ours"
-RIVALS = ("feedforward", "recurrent", "chunking")
+RIVALS = ("feedforward", "chunking")
 MODELS = (NOMINAL, OURS, *RIVALS)
-STAGE = "rivals_compare"
-EVALUATED = 13  # first number of a run's seed, its purpose
 CAP_RAD = np.radians(30.0)  # three times the largest tilt
 GOAL_M, JERK_HZ = 0.01, 10.0
-AS_DEMONSTRATED, KNOCKED = "as demonstrated", "knocked"
+AS_DEMONSTRATED, KNOCKED = UNMOVED.name, "knocked"
 
 KEYS: Mapping[str, type] = {
     "person": int,
     "model": str,
-    "level": float,  # demonstrations per tilt; 0 of the primitives alone
+    "level": float,  # demonstrations per tilt, 0 of the primitives alone; of trials their number
     "setting": float,  # roll of the board in degrees
     "part": str,  # situation: `AS_DEMONSTRATED`, start or goal moved, or `KNOCKED`
 }
@@ -77,9 +69,7 @@ class MovedParameters(Parameters):
     """Situations that differ from those demonstrated, at one tilt."""
 
     setting_deg: float
-    factors: dict[
-        str, float
-    ]  # by name, e.g. beyond: size of start and goal shifts relative to the demonstrated range
+    factors: dict[str, float]  # by name, e.g. beyond: shifts of start and goals relative to the range
     knock_n: tuple[float, float, float]  # force on the hand, base frame
     knock_s: tuple[float, float]  # from and to, since the start of the second primitive
 
@@ -92,7 +82,6 @@ class ComparisonParameters(Parameters):
     settings_deg: tuple[float, ...] = Field(min_length=1)
     runs: int = Field(ge=1, le=100)  # executions per method, tilt and situation
     moved: MovedParameters
-    margin_m: float = Field(ge=0)  # of the workspace around the demonstrations
     seed: int = Field(ge=0)  # of training
 
 
@@ -101,99 +90,132 @@ class MethodParameters(Parameters):
 
     ours: FeedbackParameters
     feedforward: RivalParameters
-    recurrent: RivalParameters
     chunking: RivalParameters
 
 
 Method = FeedbackParameters | RivalParameters | None  # None: the primitives alone
+Plan = Sequence[tuple[Run, Situation]]
 
 
 @dataclass(frozen=True)
-class Planned:
-    """One execution of the comparison."""
+class Trial:
+    """A method to be trained with some demonstrations, and executed."""
 
-    run: Run
-    situation: Situation
-    part: str
-    knock: Knock | None = None
+    model: str
+    level: float  # key in the results
+    method: Method
+    recorded: Recorded
+    plan: Plan
 
 
-def planned_runs(bench: Bench, parameters: ComparisonParameters, moved: bool) -> list[Planned]:
-    """Executions of one method; `moved`: also those in other situations."""
-    its, dt = parameters.moved, bench.testbed.world.dt
-    plan = [
-        Planned(run_at(EVALUATED, tilt, number), UNMOVED, AS_DEMONSTRATED)
-        for tilt in parameters.settings_deg
-        for number in range(parameters.runs)
-    ]
-    if not moved:
-        return plan
+def planned_runs(settings_deg: Sequence[float], runs: int) -> Plan:
+    """Executions of a method, as demonstrated."""
+    return [(one, UNMOVED) for one in evaluation_runs(settings_deg, runs, feedback=True)]
+
+
+def moved_runs(bench: Bench, parameters: ComparisonParameters) -> Plan:
+    """Executions of a method in other situations."""
+    its, plan = parameters.moved, list[tuple[Run, Situation]]()
+    dt = bench.testbed.world.dt
     contact = round(bench.skill.primitives[0].duration / dt) * dt
-    knock = Knock(contact + its.knock_s[0], contact + its.knock_s[1], np.array(its.knock_n))
-    span, none = np.array(parameters.demonstrations.range_m), np.zeros(3)
-    for number in range(parameters.runs):
-        run = run_at(EVALUATED, its.setting_deg, number)
-        corner = np.random.default_rng([bench.testbed.seed, EVALUATED, number]).choice([-1.0, 1.0], 3)
+    start_s, end_s = (contact + since for since in its.knock_s)
+    knocked = Situation(KNOCKED, knock_n=its.knock_n, knock_s=(start_s, end_s))
+    for run in evaluation_runs([its.setting_deg], parameters.runs, feedback=True):
+        corner = np.random.default_rng([bench.testbed.seed, *run.seed, 1]).choice([-1.0, 1.0], 3)
         for name, factor in its.factors.items():
-            shift = factor * span * corner
-            plan.append(Planned(run, Situation(shift, none), f"start {name}"))
-            plan.append(Planned(run, Situation(none, shift), f"goal {name}"))
-        plan.append(Planned(run, UNMOVED, KNOCKED, knock))
+            shift = tuple(factor * np.array(parameters.demonstrations.range_m) * corner)
+            plan += [
+                (run, Situation(f"start {name}", start=shift)),
+                (run, Situation(f"goal {name}", goal=shift)),
+            ]
+        plan.append((run, knocked))
     return plan
 
 
-def run_at(purpose: int, tilt: float, number: int) -> Run:
-    """Execution that meets the same conditions with every method."""
-    return Run(f"{number + 1:02d}", tilt, (purpose, 10_000 + round(10 * tilt), number), feedback=True)
+def compare(
+    person: int,
+    bench: Bench,
+    recorded: Recorded,
+    parameters: ComparisonParameters,
+    methods: MethodParameters,
+) -> pd.DataFrame:
+    """Results of one person: means over equal runs, of failures their share.
+
+    Raises InputError: there are fewer demonstrations than `counts` asks for.
+    """
+    own = parameters
+    if max(own.counts) > own.demonstrations.runs:
+        raise InputError(
+            f"rivals.counts: {max(own.counts)} demonstrations per tilt, "
+            f"of which only {own.demonstrations.runs} are recorded"
+        )
+    some = planned_runs(own.settings_deg, own.runs)
+    every = [*some, *moved_runs(bench, own)]
+    trials = [Trial(NOMINAL, 0, None, {}, every)] + [
+        Trial(
+            model,
+            count,
+            getattr(methods, model),
+            first(recorded, count),
+            every if count == max(own.counts) else some,
+        )
+        for model in MODELS[1:]
+        for count in own.counts
+    ]
+    return results_of(person, bench, trials, own.seed)
+
+
+def results_of(person: int, bench: Bench, trials: Sequence[Trial], seed: int) -> pd.DataFrame:
+    """Results of one person's trials: means over equal runs. `seed`: of training."""
+    made, parts = parallel_map(partial(_scores, bench=bench, seed=seed), trials, "methods"), []
+    for one, scores in zip(trials, made, strict=True):
+        keys = {"person": person, "model": one.model, "level": one.level}
+        means = scores.groupby(["part", "setting"], sort=False).mean()
+        for quantity, unit in UNITS.items():
+            parts.append(long_table("rivals", quantity, means[quantity].dropna(), unit, **keys))
+    return joined_results(parts, KEYS)
+
+
+def _scores(trial: Trial, bench: Bench, seed: int) -> pd.DataFrame:
+    execute, rows = trained(bench, trial.recorded, trial.method, seed), []
+    for run, situation in trial.plan:
+        try:
+            done = execute(run, situation=situation)
+        except FAILURES:  # diverged
+            done = None
+        keys = {"setting": run.setting_deg, "part": situation.name}
+        rows.append(keys | run_scores(bench, done, situation))
+    return pd.DataFrame(rows)
+
+
+def trained(bench: Bench, recorded: Recorded, method: Method, seed: int) -> partial[Demonstration]:
+    """Train a method; returns what executes a run in a `situation`, by its keyword `policy` or `skill`."""
+    if isinstance(method, RivalParameters):
+        policy = train(episodes(bench, recorded, method.sensors), method, seed)
+        return partial(execute_policy, policy=policy, bench=bench)
+    skill = bench.skill if method is None else trained_feedback(bench, recorded, method)
+    return partial(execute_skill, skill=skill, bench=bench)
 
 
 def trained_feedback(bench: Bench, recorded: Recorded, own: FeedbackParameters) -> ReactiveSkill:
     """The skill with feedback, learned from corrected executions and, with a target of 0, from level ones."""
     skill, supervision = bench.skill, bench.supervision
     names = [one.name for one in skill.primitives]
-    cuts = {tilt: commanded_cuts(runs, names) for tilt, runs in recorded.runs.items()}
-    tilted = {tilt: runs for tilt, runs in recorded.runs.items() if tilt}
+    runs = {tilt: [run for _, run in its] for tilt, its in recorded.items()}
+    cuts = {tilt: commanded_cuts(its, names) for tilt, its in runs.items()}
+    tilted = {tilt: its for tilt, its in runs.items() if tilt}
     networks, targets = {}, []
     for name in supervision.primitives:
         expected, its = skill.expected[name], {tilt: cuts[tilt][name] for tilt in tilted}
-        primitive = skill.primitives[names.index(name)]
-        datasets, _ = coupling_dataset(tilted, its, primitive, expected, supervision)
+        datasets, _ = coupling_dataset(
+            tilted, its, skill.primitives[names.index(name)], expected, supervision
+        )
         corrected = datasets[supervision.axis]
-        level = level_dataset(recorded.runs[0.0], cuts[0.0][name], expected, supervision)
+        level = level_dataset(runs[0.0], cuts[0.0][name], expected, supervision)
         targets.append(corrected.target)
-        together = concatenated([corrected, level])
-        networks[name] = train_final(own.network, together, own.pointwise, own.hidden)
+        networks[name] = train_final(own.network, concatenated([corrected, level]), own.pointwise, own.hidden)
     limits = Limits(largest_coupling={supervision.axis: largest_coupling(targets)})
     return replace(skill, networks=on_axis(networks, supervision.axis), limits=limits)
-
-
-def method_scores(
-    bench: Bench,
-    recorded: Recorded,
-    method: Method,
-    plan: Sequence[Planned],
-    margin_m: float,
-    seed: int,
-) -> tuple[pd.DataFrame, float, float]:
-    """Train a method and execute a plan: `run_scores` of each, and seconds of training and of executions."""
-    begin = time.process_time()
-    if isinstance(method, RivalParameters):
-        seen = episodes(bench, recorded)
-        policy = train(seen, method, seed)
-        limits = demonstrated_motion(seen, bench.testbed.finger_rate_hz, margin_m)
-        execute = partial(execute_policy, policy=policy, limits=limits, bench=bench)
-    else:
-        skill = bench.skill if method is None else trained_feedback(bench, recorded, method)
-        execute = partial(execute_skill, skill=skill, bench=bench)
-    trained, rows = time.process_time(), []
-    for one in plan:
-        try:
-            done = execute(one.run, situation=one.situation, knock=one.knock)
-        except FAILURES:  # diverged
-            done = None
-        keys = {"setting": one.run.setting_deg, "part": one.part, "run": one.run.name}
-        rows.append(keys | run_scores(bench, done, one.situation))
-    return pd.DataFrame(rows), trained - begin, time.process_time() - trained
 
 
 def run_scores(bench: Bench, run: Demonstration | None, situation: Situation) -> dict[str, float]:
@@ -221,58 +243,3 @@ def run_scores(bench: Bench, run: Demonstration | None, situation: Situation) ->
         "jerk": float(np.sqrt(np.mean(np.sum(jerk**2, axis=1)))),
         "failed": float(failed),
     }
-
-
-def compare(
-    person: int,
-    bench: Bench,
-    recorded: Recorded,
-    parameters: ComparisonParameters,
-    methods: MethodParameters,
-) -> pd.DataFrame:
-    """Results of one person: means over equal runs, of failures their share. Prints seconds, which differ.
-
-    Raises InputError: there are fewer demonstrations than `counts` asks for.
-    """
-    own = parameters
-    if max(own.counts) > own.demonstrations.runs:
-        raise InputError(
-            f"rivals.counts: {max(own.counts)} demonstrations per tilt, "
-            f"of which only {own.demonstrations.runs} are recorded"
-        )
-    work = [(NOMINAL, 0)] + [(model, count) for model in MODELS[1:] for count in own.counts]
-    made = parallel_map(
-        partial(_compared, bench=bench, recorded=recorded, parameters=own, methods=methods),
-        work,
-        "methods by demonstrations",
-    )
-    parts = []
-    for (model, count), (scores, training, executing) in zip(work, made, strict=True):
-        print(
-            f"{model}, {count:g} demonstrations per tilt: trained in {training:.1f} s, "
-            f"{len(scores)} executions in {executing:.1f} s"
-        )
-        parts += list(as_results(scores, person=person, model=model, level=count))
-    return joined_results(parts, KEYS)
-
-
-def _compared(
-    work: tuple[str, float],
-    bench: Bench,
-    recorded: Recorded,
-    parameters: ComparisonParameters,
-    methods: MethodParameters,
-) -> tuple[pd.DataFrame, float, float]:
-    model, count = work
-    nominal = model == NOMINAL
-    plan = planned_runs(bench, parameters, moved=nominal or count == max(parameters.counts))
-    method: Method = None if nominal else getattr(methods, model)
-    shown = recorded if nominal else recorded.first(int(count))
-    return method_scores(bench, shown, method, plan, parameters.margin_m, parameters.seed)
-
-
-def as_results(scores: pd.DataFrame, **keys: object) -> Iterator[pd.DataFrame]:
-    """Rows of each score, its mean over equal runs."""
-    means = scores.groupby(["part", "setting"], sort=False)[list(UNITS)].mean()
-    for quantity, unit in UNITS.items():
-        yield long_table(STAGE, quantity, means[quantity].dropna(), unit, **keys)

@@ -1,0 +1,1 @@
+"""The page on rivals, and a recording of all methods side by side."""
