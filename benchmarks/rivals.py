@@ -57,7 +57,7 @@ def main() -> None:
 def decision_s(policy: Policy) -> float:
     """Seconds of a rival's decision: a pass of its network, and the ensemble."""
     seen = policy.pose.mean, policy.task.mean, policy.touch.mean
-    ensemble = Ensemble(policy.parameters.ensemble)
+    ensemble = Ensemble()
     begin = process_time()
     for _ in range(DECISIONS):
         ensemble.update(policy.chunk(*seen))

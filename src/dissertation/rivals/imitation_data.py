@@ -6,16 +6,16 @@ what is new within that range is interpolated. Rivals see, at the sensors' rate 
 
     pose     position relative to the goal in m, rotation vector from the goal's orientation in rad
     task     start minus goal in m, and the share of the duration that has passed
-    touch    readings without their offset, or their deviations from the expected traces
+    touch    deviations of the readings from the expected traces
 
 and predict later poses. The expected traces, the goal and the duration are the primitives': a help that
 rivals would have to do without elsewhere.
 """
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from functools import partial
-from typing import Literal, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 from pydantic import Field
@@ -48,8 +48,6 @@ from structlearn.readers.demonstration import Demonstration
 from structlearn.readers.source import ClockParameters
 from structlearn.segmentation.parameters import SegmentParameters
 from structlearn.segmentation.segments import commanded_cuts, cut
-
-Sensors = Literal["deviation", "raw"]
 
 Recorded = Mapping[float, Sequence[tuple[Situation, Demonstration]]]
 """Executions with their situations, by tilt in degrees; the level board, 0, first."""
@@ -140,12 +138,10 @@ def first(recorded: Recorded, count: int) -> Recorded:
     return {tilt: its[:count] if tilt else its for tilt, its in recorded.items()}
 
 
-@dataclass(frozen=True)
-class Frame:
-    """What poses of a run are relative to."""
+class Frame(NamedTuple):
+    """What poses of a run are relative to, its goal."""
 
-    start: np.ndarray  # (3,) m
-    start_orientation: np.ndarray  # (4,)
+    start: np.ndarray  # (6,) its first pose
     goal: np.ndarray  # (3,) m
     orientation: np.ndarray  # (4,) of the goal
 
@@ -161,7 +157,7 @@ class Frame:
 
     def task(self, share: np.ndarray) -> np.ndarray:
         """Task observations (T, 4) at shares of the duration (T,)."""
-        return np.column_stack([np.tile(self.start - self.goal, (len(share), 1)), share])
+        return np.column_stack([np.tile(self.start[:3], (len(share), 1)), share])
 
 
 def frame_of(skill: ReactiveSkill) -> Frame:
@@ -169,23 +165,21 @@ def frame_of(skill: ReactiveSkill) -> Frame:
     start, last = default_start(skill.primitives), skill.primitives[-1]
     if start.orientation is None or last.orientation is None:
         raise InputError("rivals imitate poses, and the skill moves positions only")
-    return Frame(start.position, start.orientation, last.position.goal, last.orientation.goal)
+    goal = Frame(np.zeros(6), last.position.goal, last.orientation.goal)
+    return goal._replace(start=goal.relative(start.position, start.orientation))
 
 
-def touch_offset(skill: ReactiveSkill, sensors: Sensors, ticks: int, dt: float) -> np.ndarray:
-    """What is subtracted from readings without offset at every tick of a run: (ticks, E) counts.
-
-    The expected traces, whose last values stay; 0 for raw readings.
-    """
+def expected_over_run(skill: ReactiveSkill, ticks: int, dt: float) -> np.ndarray:
+    """Expected readings (ticks, E) of a whole run without its offset; at its end they stay."""
     parts = []
     for one in skill.primitives:
         count = sample_count(one.duration, dt)
         parts.append(expected_traces(skill.expected[one.name], count, dt)[: count - 1])
     path = np.concatenate(parts)
-    return (sensors == "deviation") * path[np.minimum(np.arange(ticks), len(path) - 1)]
+    return path[np.minimum(np.arange(ticks), len(path) - 1)]
 
 
-def episodes(bench: Bench, recorded: Recorded, sensors: Sensors) -> list[Episode]:
+def episodes(bench: Bench, recorded: Recorded) -> list[Episode]:
     """What rivals see of recorded executions, in their order."""
     duration, seen = sum(one.duration for one in bench.skill.primitives), slice(None, None, FINGER_TICKS)
     found = []
@@ -193,7 +187,7 @@ def episodes(bench: Bench, recorded: Recorded, sensors: Sensors) -> list[Episode
         frame = frame_of(moved(bench.skill, situation))
         # the offset of as many readings as a controller takes, so that rivals see the same when they act
         touch = without_offset(sensor_readings(run, bench.supervision.sensors)[seen])
-        touch = touch - touch_offset(bench.skill, sensors, len(run.time), run.dt)[seen]
+        touch = touch - expected_over_run(bench.skill, len(run.time), run.dt)[seen]
         pose = frame.relative(run.position, run.signal("orientation"))[seen]
         found.append(Episode(tilt, pose, frame.task(np.minimum(run.time / duration, 1.0))[seen], touch))
     return found

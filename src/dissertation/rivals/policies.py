@@ -9,7 +9,7 @@ import torch
 from pydantic import Field
 from torch import Tensor, nn
 
-from dissertation.rivals.imitation_data import Episode, Sensors
+from dissertation.rivals.imitation_data import Episode
 from dissertation.rivals.networks import ACTION, HEADS, KL_WEIGHT, ActionChunking, Feedforward
 from structlearn.core.params import Parameters
 from structlearn.feedback.skill import TARGET_MARGIN
@@ -31,13 +31,10 @@ class RivalParameters(Parameters):
     layers: int = Field(ge=1, le=8)
     every: int = Field(ge=1, le=20)  # samples of 100 Hz from one decision to the next
     chunk: int = Field(ge=1, le=200)  # decisions ahead that are predicted at each
-    sensors: Sensors
     noise: float = Field(ge=0, le=1)  # std added to standardised poses and readings in training
     steps: int = Field(ge=1)
     batch: int = Field(ge=1)  # samples
     learning_rate: float = Field(gt=0)
-    # weights exp(-ensemble i) of the predictions for one moment, i = 0 the oldest (Zhao et al., algorithm 2)
-    ensemble: float = Field(ge=0)
 
 
 @dataclass(frozen=True)
@@ -124,8 +121,8 @@ def fastest(episodes: Sequence[Episode]) -> tuple[float, float]:
 class Ensemble:
     """Mean of all predictions for one moment, the oldest with most weight (Zhao et al. 2023, algorithm 2)."""
 
-    def __init__(self, decay: float) -> None:
-        """`decay`: m of the weights exp(-m i), i = 0 the oldest."""
+    def __init__(self, decay: float = 0.01) -> None:
+        """`decay`: m of the weights exp(-m i), i = 0 the oldest; as published unless given."""
         self.decay, self.chunks = decay, list[np.ndarray]()
 
     def update(self, chunk: np.ndarray) -> np.ndarray:

@@ -11,7 +11,7 @@ from copy import deepcopy
 import numpy as np
 from scipy.interpolate import CubicHermiteSpline
 
-from dissertation.rivals.imitation_data import frame_of, touch_offset
+from dissertation.rivals.imitation_data import expected_over_run, frame_of
 from dissertation.rivals.policies import Ensemble, Policy
 from dissertation.rivals.situations import Situation, moved, tick_by_tick
 from dissertation.scraping.protocol.executions import HOLD_S, Bench, Run
@@ -45,7 +45,8 @@ def execute_policy(run: Run, policy: Policy, bench: Bench, situation: Situation)
     conditions = run_conditions(testbed, roll, conditions_rng, own.stiffness, force, gains)
     fingers = FingerPair(testbed.touch, testbed.sensor_seed, fingers_rng, testbed.finger_rate_hz)
     leader = Leader(policy, skill, deepcopy(fingers), ticks, dt)
-    start = leader.frame.start, quaternion.matrix(leader.frame.start_orientation)
+    position, orientation = leader.frame.absolute(leader.frame.start)
+    start = position, quaternion.matrix(orientation)
     engine = tick_by_tick(situation, dt, leader.lead)
     log = execute(
         testbed.world, leader.reference, start, ticks, conditions, own, fingers, wrist_rng, None, engine
@@ -70,14 +71,12 @@ class Leader:
         self.policy, self.dt, self.frame = policy, dt, frame_of(skill)
         samples = len(range(0, ticks, FINGER_TICKS))
         self.readings, self.counts = fingers.readings(samples), np.empty((samples, CHANNELS))
-        self.offset = touch_offset(skill, policy.parameters.sensors, ticks, dt)
+        self.expected = expected_over_run(skill, ticks, dt)
         ends = np.cumsum([one.duration for one in skill.primitives])
         self.task = self.frame.task(np.minimum(dt * np.arange(ticks) / ends[-1], 1.0))
-        self.ensemble = Ensemble(policy.parameters.ensemble)
+        self.ensemble = Ensemble()
         self.goal_rotation, self.turned = quaternion.matrix(self.frame.orientation), np.empty(3)
-        # of the reference, at the last decision
-        self.pose = self.frame.relative(self.frame.start, self.frame.start_orientation)
-        self.velocity = np.zeros(6)
+        self.pose, self.velocity = self.frame.start, np.zeros(6)  # of the reference, at the last decision
         position, orientation = self.frame.absolute(np.tile(self.pose, (ticks, 1)))
         primitive = np.searchsorted(np.round(ends[:-1] / dt), np.arange(ticks), side="right")
         rates = np.zeros((4, ticks, 3))
@@ -95,7 +94,7 @@ class Leader:
         touch = self.counts[sample] - self.counts[: min(sample + 1, OFFSET_SAMPLES)].mean(axis=0)
         operational_space.write_rotation_error(arm.rotation, self.goal_rotation, self.turned)
         pose = np.concatenate([arm.position - self.frame.goal, self.turned])
-        chunk = self.policy.chunk(pose, self.task[tick], touch - self.offset[tick])
+        chunk = self.policy.chunk(pose, self.task[tick], touch - self.expected[tick])
         self._write(tick, self.ensemble.update(chunk))
 
     def _write(self, tick: int, decided: np.ndarray) -> None:

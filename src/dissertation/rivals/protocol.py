@@ -191,7 +191,7 @@ def _scores(trial: Trial, bench: Bench, seed: int) -> pd.DataFrame:
 def trained(bench: Bench, recorded: Recorded, method: Method, seed: int) -> partial[Demonstration]:
     """Train a method; returns what executes a run in a `situation`, by its keyword `policy` or `skill`."""
     if isinstance(method, RivalParameters):
-        policy = train(episodes(bench, recorded, method.sensors), method, seed)
+        policy = train(episodes(bench, recorded), method, seed)
         return partial(execute_policy, policy=policy, bench=bench)
     skill = bench.skill if method is None else trained_feedback(bench, recorded, method)
     return partial(execute_skill, skill=skill, bench=bench)

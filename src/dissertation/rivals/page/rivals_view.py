@@ -19,10 +19,8 @@ from structlearn.viewer import views
 from structlearn.viewer.items import entity
 from structlearn.viewer.recording import Recording
 
-NOTE = """### The same demonstrations, with and without structure
-
-One person's demonstrations, learned by each method and executed at {tilt:g} degrees, which nobody
-demonstrated, under equal conditions. Colours of the electrodes: readings relative to the expected ones."""
+NOTE = """One person's demonstrations, learned by each method and executed at {:g} degrees, which nobody
+demonstrated. Colours of the electrodes: readings relative to the expected ones."""
 
 
 def executed_once(
@@ -47,9 +45,8 @@ def side_by_side(executions: Sequence[Execution]) -> Recording:
         close_view(one.look.name, scene(entity("runs", one.look.name), one, scale)) for one in executions
     ]
     colours = views.legend(dict(one.look for one in executions))
-    note = views.notes(
-        f"{NOTE.format(tilt=executions[0].board_deg)}\n{colours}\n\n**{views.origin_sentence(runs)}**"
-    )
+    text = NOTE.format(executions[0].board_deg)
+    note = views.notes(f"{text}\n\n{colours}\n\n**{views.origin_sentence(runs)}**")
     plots = views.column(*signal_plots("signals", executions))
     left = views.column(views.grid(*scenes), note, shares=[4, 1])
     return Recording("Scraping: with and without structure", views.row(left, plots, shares=[3, 2]))
