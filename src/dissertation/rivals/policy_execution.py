@@ -101,12 +101,11 @@ class Leader:
         """Ticks of the reference after this one, on its way to the pose (6,) decided."""
         if not np.isfinite(decided).all():
             raise FloatingPointError("a rival has put out a number that is not finite")
-        every, its = self.policy.parameters.every, self.reference
-        seconds, before = every * FINGER_TICKS * self.dt, (self.pose, self.velocity)
-        step = bounded(decided - self.pose, every * np.array(self.policy.fastest))
-        self.pose, self.velocity = self.pose + step, step / seconds
-        poses, velocities = zip(before, (self.pose, self.velocity), strict=True)
-        path = CubicHermiteSpline([0.0, seconds], poses, velocities)
+        every, its, pose, velocity = self.policy.parameters.every, self.reference, self.pose, self.velocity
+        seconds = every * FINGER_TICKS * self.dt
+        step = bounded(decided - pose, every * np.array(self.policy.fastest))
+        self.pose, self.velocity = pose + step, step / seconds
+        path = CubicHermiteSpline([0.0, seconds], [pose, self.pose], [velocity, self.velocity])
         ticks = np.arange(tick + 1, min(tick + 1 + every * FINGER_TICKS, len(its.position)))
         times = self.dt * (ticks - tick)
         its.position[ticks], its.orientation[ticks] = self.frame.absolute(path(times))
