@@ -107,6 +107,9 @@ def test_hesitations_and_twitches_are_no_further_runs_and_a_missing_one_is_named
     assert "04" not in found.motion.agreeing
     assert answer(found, "Do runs of motion agree in number?").verdict == "doubtful"
     assert any("04 (2)" in warning for warning in found.proposal.warnings[PRIMITIVES])
+    assert found.proposal.entry["segment"]["skip_failures"] is True  # so that the entry runs as it is
+    (left_out,) = found.proposal.warnings["segment.skip_failures"]
+    assert left_out.startswith("left out: 04: has ")
 
 
 def test_joint_states_and_a_robot_give_the_hand(example, tmp_path):

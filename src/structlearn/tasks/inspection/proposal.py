@@ -82,12 +82,16 @@ def propose(
     )
 
 
-def judged(proposal: Proposal, judgement: Judgement) -> Proposal:
-    """The proposal without the recordings that the import refuses, and with its remarks."""
+def judged(proposal: Proposal, judgement: Judgement, uncut: Mapping[str, str]) -> Proposal:
+    """The proposal without the recordings that the import refuses, and with its remarks.
+
+    `uncut`: recordings that cannot be cut as proposed, which are left out too, with the reasons.
+    """
     entry, warnings = dict(proposal.entry), dict(proposal.warnings)
-    if judgement.refused:
+    left_out = [f"left out: {name}: {reason}" for name, reason in judgement.refused.items()]
+    left_out += [f"left out: {reason}" for name, reason in uncut.items() if name not in judgement.refused]
+    if left_out:
         entry["segment"] = {**entry["segment"], "skip_failures": True}
-        left_out = [f"left out: {name}: {reason}" for name, reason in judgement.refused.items()]
         warnings["segment.skip_failures"] = left_out
     for subject, key in (("joints", "topics.joint_states"), ("orientation", "topics.pose")):
         if said := judgement.remarks.get(subject):
@@ -255,7 +259,7 @@ def _move_warnings(motion: MotionSurvey | None, moves: TaskMoves) -> Iterator[st
             f"have {motion.number}, and no more can be learned from"
         )
     if others:
-        yield f"another number of runs: {_listed(others)}; take them out, or `skip_failures: true`"
+        yield f"another number of runs: {_listed(others)}"
     if isinstance(moves.primitives, int):
         yield from (
             f"the hand turns by {turn:.0f} degrees between moves {place} and {place + 1}: a primitive of its "

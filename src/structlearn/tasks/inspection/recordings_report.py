@@ -29,7 +29,7 @@ from structlearn.tasks.inspection.judgement import judge, reasons
 from structlearn.tasks.inspection.lerobot_survey import look_at_dataset
 from structlearn.tasks.inspection.proposal import LEROBOT, Proposal, judged, propose
 from structlearn.tasks.inspection.source_survey import FileSeen, SourceSeen, look_at, with_joints
-from structlearn.tasks.inspection.task_moves import task_moves
+from structlearn.tasks.inspection.task_moves import task_moves, uncut
 
 FORMATS = {"mcap": "MCAP", "db3": "ROS 2 bag (sqlite3)", "bag": "ROS 1 bag", "table": "table of poses"}
 FORMATS[LEROBOT] = "LeRobotDataset"
@@ -86,7 +86,7 @@ def find_out(source: str, urdf: str | None = None) -> SourceReport:
     refused = {**seen.damaged, **judgement.refused}
     answers = list(fitness(seen, hand, motion, proposal.read, moves.repeats, refused))
     all_refused = len(refused) >= len(seen.files) + len(seen.damaged)
-    accepted = None if all_refused else judged(proposal, judgement)
+    accepted = None if all_refused else judged(proposal, judgement, uncut(hand.paths, moves))
     return SourceReport(seen, candidates, motion, accepted, answers, refused)
 
 
