@@ -141,6 +141,8 @@ FITS_ALL = {
     "traces of all runs that are given": "feedback_learning.learn_feedback movement_learning.learn_traces",
     "searches by rollouts": "sample_efficiency._advance",
     "call the training of `train_latent` for another skin": "servo_trials.learn_other_skin",
+    "learn from runs that are given, and are judged by executions": "imitation_data.recorded_person "
+    "imitation_data.bench_of policies.train protocol.trained protocol.trained_feedback",
 }
 """Why functions that fit have no case."""
 
