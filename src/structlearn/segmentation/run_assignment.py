@@ -166,26 +166,27 @@ def _chains(
 ) -> tuple[list[np.ndarray], list[float]]:
     """Cheapest cuts of a demonstration and their costs, counting only unassigned motion and dips.
 
-    What the rest of a cut costs at least is known of each candidate, so that of cuts in the making those are
-    kept which the cheapest whole ones begin with: without it a twitch before the first move, which costs
-    less than to leave it out, would take a move's place in all of them.
+    The least cost-to-go of each candidate is computed first, so that of unfinished cuts those are kept with
+    which the cheapest whole ones begin: without it a twitch before the first move, which costs less than to
+    leave it out, would take a move's place in all of them.
     """
     ways = np.array([choices.travelled[-1] for choices in primitives])
     alike = [sum(choices.turns == other.turns for other in primitives) for choices in primitives]
     price = UNASSIGNED_PRICE * np.array(alike) / np.maximum(ways, np.finfo(float).tiny)
-    rests = [price[-1] * gaps[-1][:, 0]]  # (G,) per primitive, the last first
+    to_go = [price[-1] * gaps[-1][:, 0]]  # (G,) per primitive, the last first
     for place in range(len(primitives) - 1, 0, -1):
-        after = price[place] * gaps[place] + PAUSE_PRICE * primitives[place].paused_s + rests[-1]
-        rests.append(after.min(axis=1, initial=np.inf))
+        after = price[place] * gaps[place] + PAUSE_PRICE * primitives[place].paused_s + to_go[-1]
+        to_go.append(after.min(axis=1, initial=np.inf))
     chains, prices = np.zeros((1, 0), dtype=int), np.zeros(1)
-    for place, (choices, rest) in enumerate(zip(primitives, rests[::-1], strict=True)):
+    for place, (choices, rest) in enumerate(zip(primitives, to_go[::-1], strict=True)):
         before = gaps[place][chains[:, -1] if place else [0]]  # (N, G)
         grown = prices[:, None] + price[place] * before + PAUSE_PRICE * choices.paused_s
-        order = np.argsort(grown + rest, axis=None, kind="stable")[:most]
-        order = order[np.isfinite((grown + rest).ravel()[order])]
+        whole = (grown + rest).ravel()
+        order = np.argsort(whole, kind="stable")[:most]
+        order = order[np.isfinite(whole[order])]
         rows, columns = np.unravel_index(order, grown.shape)
         chains, prices = np.hstack([chains[rows], columns[:, None]]), grown[rows, columns]
-    prices = prices + rests[0][chains[:, -1]]
+    prices = prices + to_go[0][chains[:, -1]]
     return list(chains), prices.tolist()
 
 

@@ -178,7 +178,7 @@ def _flagged(runs: Sequence[Demonstration], primitives: int | list[dict[str, str
 def uncut(paths: Mapping[str, HandPath], moves: TaskMoves) -> dict[str, str]:
     """Demonstrations that cannot be cut into these moves, with the reasons.
 
-    None if most cannot, since then the moves are wrong, nor of recordings to be split into repeats.
+    None if most cannot, since then the cutter refuses all, nor of recordings to be split into repeats.
     """
     if moves.repeats or moves.tried == 0:
         return {}
@@ -186,8 +186,7 @@ def uncut(paths: Mapping[str, HandPath], moves: TaskMoves) -> dict[str, str]:
         cuts = cut([_demonstration(*pair) for pair in paths.items()], _cutting(moves.primitives))
     except InputError:
         return {}
-    left_out = dict(zip(cuts.left_out["demonstration"], cuts.left_out["reason"], strict=True))
-    return left_out if 2 * len(left_out) < len(paths) else {}
+    return dict(zip(cuts.left_out["demonstration"], cuts.left_out["reason"], strict=True))
 
 
 def _strokes_vary(runs: Sequence[Demonstration], primitives: list[dict[str, str]]) -> bool:
