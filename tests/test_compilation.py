@@ -72,6 +72,26 @@ def test_a_moved_package_compiles_nothing_again(tmp_path, root):
     assert compiled == [b"1\n", b"0\n"]
 
 
+CHANGE = """
+import os
+from structlearn.core.compilation import numba
+os.environ["NUMBA_BOUNDSCHECK"] = "1"
+for value in (2, 2.5):
+    numba.njit(lambda x: x + x)(value)
+print(numba.config.CACHE_DIR)
+"""
+
+
+def test_a_variable_of_numba_that_changes_later_leaves_the_cache_where_it_is(tmp_path, root):
+    """Numba then reads all its variables again, and would forget the folder that was chosen here."""
+    environment = {name: value for name, value in os.environ.items() if not name.startswith("NUMBA_")}
+    environment |= {"PYTHONPATH": str(root / "src"), "XDG_CACHE_HOME": str(tmp_path / "caches")}
+    command = [sys.executable, "-c", CHANGE]
+    done = subprocess.run(command, cwd=tmp_path, env=environment, capture_output=True, text=True, check=True)
+    assert done.stdout.startswith(str(tmp_path / "caches"))
+    assert [path.name for path in tmp_path.iterdir()] == ["caches"]
+
+
 def work(folder, values, barrier, outcome):
     """In a forked process: call the function on each value; report the results and what was compiled."""
     from numba.core.caching import IndexDataCacheFile

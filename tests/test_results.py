@@ -102,12 +102,12 @@ def test_a_stage_rests_on_the_parameters_of_those_before_it():
 
 
 def test_the_study_counts_and_the_person_tuned_on_does_not(project):
-    population = with_study(table([1]), study_of([1, 2, 3]), "person", tested=[])
+    population = with_study(table([1]), study_of([1, 2, 3, 4]), "person", tested=[])
     assert not population.moved
     find = found(population)
-    assert find["cut_error"].value == 2.0
+    assert find["cut_error"].value == 3.0
     assert find["cut_error"].n == 3
-    assert find["saved"]["ours"].value == pytest.approx(0.8)
+    assert find["saved"]["ours"].value == pytest.approx(0.7)
 
 
 def test_rows_that_rest_on_another_parameter_show_this_run_and_the_study_beside(project):

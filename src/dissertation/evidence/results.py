@@ -146,14 +146,14 @@ def with_study(
 ) -> Population:
     """Join this run's results with a study's.
 
-    `tested`: people of this run on whom nothing was tuned; None: all. The study's people all count. `only`:
-    keys by which study rows are chosen, e.g. `variant="ours"`.
+    `tested`: people of this run on whom nothing was tuned; None: all. The study's people count unless they
+    are others of this run. `only`: keys by which study rows are chosen, e.g. `variant="ours"`.
     """
     one = Results(own, who)
     mine = own if tested is None else own[own[who].isin(list(tested))]
     if study is None:
         return Population(Results(mine, who), one, None)
-    more = study.results
+    more = study.results[~study.results[who].isin(set(own[who]) - set(mine[who]))]
     for name, value in only.items():
         more = more[more[name] == value]
     more = more.reindex(columns=own.columns).astype(own.dtypes)

@@ -76,6 +76,7 @@ class Locks(Listener):
         """Open the file of locks."""
         with self._entry:
             if self._depth == 0:
+                use_own_cache(PACKAGE)  # numba forgets it when a variable of its own has changed
                 path = Path(_CONFIG.CACHE_DIR, LOCK)
                 path.parent.mkdir(parents=True, exist_ok=True)
                 self._file = os.open(path, os.O_RDWR | os.O_CREAT, 0o600)
