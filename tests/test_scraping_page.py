@@ -162,11 +162,12 @@ def test_each_rule_of_stopping_has_its_own_rows():
 def test_no_two_cases_rest_on_the_same_number(root):
     """A statement may be a case of another, as that of two neighbours in an order of four: a case alike."""
     study = stored_study(root / "reports/studies" / STUDY)
+    people = study.results["person"].nunique()
     for page in Made(stored(), study).pages.values():
         cases: dict[tuple[float, ...], set[str]] = {}
         for one in page.judged:
             for (case, *_), found in zip(one.cases, one.found, strict=True):
-                if found.n == 24:
+                if found.n == people:
                     cases.setdefault((found.value, found.low, found.high), set()).add(case)
         assert cases
         assert [names for names in cases.values() if len(names) > 1] == []
