@@ -23,7 +23,7 @@ def main() -> None:
     page = read_front_page(Path(__file__).with_suffix(".yaml"))
     claims = {
         name: read_claims_of(name, QUOTED if name == "recorded" else REPORTS / name / "tables")
-        for name in page.cards
+        for name in page.reports
     }
     tasks = {
         path.parent.name: path.relative_to(REPORTS).as_posix()

@@ -73,7 +73,10 @@ PAYS = Experiment(
     recorded=("paid", "ms"),
 )
 AIM = Experiment(question="Does it reach?", simulated=Row(report="scraping", claim="reach"))
-OURS = PAGE.model_copy(update={"chapters": {"I": (PAYS,)}, "aims": (AIM,), "cards": {}, "index": ()})
+BEATS = Experiment(question="Does it beat rivals?", simulated=Row(report="rivals", claim="beaten"))
+OURS = PAGE.model_copy(
+    update={"chapters": {"I": (PAYS,)}, "aims": (AIM,), "rivals": (), "cards": {}, "index": ()}
+)
 
 
 def test_an_answer_has_the_case_that_decides_and_links_to_its_row():
@@ -114,6 +117,16 @@ def test_the_page_has_aims_apart_and_counts_a_statement_once():
     of_scraping = re.search(r">Statements:.*", html)[0]
     assert re.findall(r">(\d+ [a-z ]+)<", of_scraping) == ["1 yes", "1 undecided"]
     assert '<a href="tasks/pour/index.html">pour</a>' in html
+
+
+def test_rivals_stand_in_a_section_of_their_own_also_where_they_win():
+    page = OURS.model_copy(update={"rivals": (BEATS,)})
+    assert page.reports == ["scraping", "rivals"]
+    lost = pd.DataFrame([claim("beaten", "Transformer", 1.5, 1.2, 1.9, "no", by="ours")])
+    html = render_front(page, CLAIMS | {"rivals": lost}, {}, [], Provenance("x"))
+    section = html.partition('<section id="rivals">')[2].partition("</section>")[0]
+    assert 'href="rivals/index.html#beaten"' in section
+    assert "1 no" in section
 
 
 def test_the_table_of_the_readme_has_the_verdicts_on_each_experiment():

@@ -99,13 +99,20 @@ class FrontPage(Parameters):
     steps: tuple[Step, ...]
     chapters: Mapping[str, tuple[Experiment, ...]]  # by title
     aims: tuple[Experiment, ...]
+    rivals: tuple[Experiment, ...]  # against policies without structure
     index: tuple[Place, ...]
     cards: Mapping[str, Card]  # by folder of the report, in page order
 
     @property
     def experiments(self) -> list[Experiment]:
         """All experiments and aims, in page order."""
-        return [*(one for its in self.chapters.values() for one in its), *self.aims]
+        return [*(one for its in self.chapters.values() for one in its), *self.aims, *self.rivals]
+
+    @property
+    def reports(self) -> list[str]:
+        """Folders of all reports whose claims the page needs, each once."""
+        rows = [one.simulated for one in self.experiments if one.simulated]
+        return list(dict.fromkeys([*self.cards, *(row.report for row in rows)]))
 
 
 @dataclass(frozen=True)
