@@ -69,7 +69,7 @@ def main() -> None:
         )
     )
     networks.DROPOUT = 0.0
-    ours = networks.ActionChunking(sizes, width, layers, chunk)
+    ours = networks.ActionChunking(sizes, 6, width, layers, chunk)
     layers_of = {".layers.": ".", "decoder.0.": "decoder.", "decoder.norm.": "decoder_norm."}
     weights = theirs.state_dict()
     for place, name in layers_of.items():

@@ -143,7 +143,7 @@ def test_a_network_learns_what_it_is_shown(seen):
 
 def test_the_transformer_draws_a_style_in_training_alone():
     torch.manual_seed(0)
-    network = ActionChunking((10, 38), 8, 1, 3).eval()  # no dropout
+    network = ActionChunking((10, 38), 6, 8, 1, 3).eval()  # no dropout
     state, touch, actions = torch.randn(2, 10), torch.randn(2, 38), torch.randn(2, 3, 6)
     with torch.no_grad():
         once, again = (network(state, touch, actions) for _ in range(2))
@@ -377,9 +377,7 @@ def test_trials_are_made_with_the_parameters_that_they_draw(small, comparison, m
         costs = trial_costs(results, model)
         assert costs[0] != costs[1]
     drawing.chunking["steps"] = [4]
-    with pytest.raises(
-        InputError, match=r"rival_trials\.chunking: the options do not make 2 different trials"
-    ):
+    with pytest.raises(InputError, match="trials of chunking: the options do not make 2 different trials"):
         drawn_methods("chunking", drawing)
 
 

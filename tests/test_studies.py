@@ -375,7 +375,8 @@ def test_a_worker_with_other_code_adds_no_cell(planned, monkeypatch):
 DESCRIPTIONS = read_descriptions(ROOT / study_cells.DESCRIPTIONS)
 POPULATIONS = {"obstacles": "obstacle_people", "dynamics": "dynamics_robots", "servoing": "servo_people"}
 POPULATIONS |= {"rivals": "scraping_people"}
-CHOOSING = {"rivals/choice"}  # on people for tuning alone
+PAST_SPHERES = {"rivals/reaching", "rivals/reaching_choice"}
+CHOOSING = {"rivals/choice", "rivals/reaching_choice"}  # on people for tuning alone
 
 
 @pytest.mark.parametrize("name", DESCRIPTIONS)
@@ -399,7 +400,8 @@ def test_every_study_names_what_is_there_and_nobody_on_whom_constants_were_chose
     }
     assert set(planned["do"]["deps"]) == {"cell.py", f"../{testbed}"}
     assert planned["do"]["outs"] == [{f"../../{CELLS}/{name}/${{item}}": {"cache": False}}]
-    population = parameters[POPULATIONS.get(testbed, f"{testbed}_people")]
+    kind = "obstacle_people" if name in PAST_SPHERES else POPULATIONS.get(testbed, f"{testbed}_people")
+    population = parameters[kind]
     seeds = [seed for cell in planned["foreach"] for seed in seeds_of(str(cell))]
     assert len(set(seeds)) == len(seeds)
     if name in CHOOSING:

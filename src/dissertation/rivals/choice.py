@@ -6,7 +6,7 @@ geometric mean of cost over people and tilts is chosen, and stands in `rival_met
 """
 
 from collections.abc import Mapping
-from typing import Any
+from typing import Any, ClassVar
 
 import numpy as np
 import pandas as pd
@@ -22,17 +22,26 @@ Options = dict[str, list[Any] | dict[str, list[Any]]]
 """Values to draw from, by parameter."""
 
 
-class TrialParameters(Parameters):
-    """Trials. Fields: `params.yaml`, `rival_trials`."""
+class DrawingParameters(Parameters):
+    """Trials whose parameters are drawn from options."""
+
+    methods: ClassVar[type[Parameters]]  # that the options are of
 
     trials: int = Field(ge=1, le=100)
     seed: int = Field(ge=0)
     count: int = Field(ge=1)
-    settings_deg: tuple[float, ...] = Field(min_length=1)
-    runs: int = Field(ge=1)
     ours: Options
     feedforward: Options
     chunking: Options
+
+
+class TrialParameters(DrawingParameters):
+    """Trials on the board. Fields: `params.yaml`, `rival_trials`."""
+
+    methods: ClassVar[type[Parameters]] = MethodParameters
+
+    settings_deg: tuple[float, ...] = Field(min_length=1)
+    runs: int = Field(ge=1)
 
 
 def choose(
@@ -49,20 +58,20 @@ def choose(
     return results_of(person, bench, trials, seed)
 
 
-def drawn_methods(model: str, parameters: TrialParameters) -> list[Any]:
+def drawn_methods(model: str, parameters: DrawingParameters) -> list[Any]:
     """Parameters of all trials of a method, no two alike.
 
     Raises InputError: there are too few options; ValidationError: one of them is out of range.
     """
     rng = np.random.default_rng([parameters.seed, MODELS.index(model)])
-    kind: Any = MethodParameters.model_fields[model].annotation
+    kind: Any = parameters.methods.model_fields[model].annotation
     found: list[Any] = []
     for _ in range(100 * parameters.trials):
         drawn = kind.model_validate(_drawn(getattr(parameters, model), rng))
         found += [] if drawn in found else [drawn]
         if len(found) == parameters.trials:
             return found
-    raise InputError(f"rival_trials.{model}: the options do not make {parameters.trials} different trials")
+    raise InputError(f"trials of {model}: the options do not make {parameters.trials} different trials")
 
 
 def _drawn(options: Mapping[str, Any], rng: np.random.Generator) -> dict[str, Any]:

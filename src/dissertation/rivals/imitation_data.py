@@ -65,12 +65,12 @@ class DemonstrationParameters(Parameters):
 
 
 class Episode(NamedTuple):
-    """One execution at the sensors' rate, T samples."""
+    """One demonstration at 100 Hz, T samples."""
 
-    setting_deg: float
-    pose: np.ndarray  # (T, 6)
+    setting: float  # tilt in degrees, or number of a place
+    pose: np.ndarray  # (T, 6), or (T, 3) if the hand does not turn
     task: np.ndarray  # (T, 4)
-    touch: np.ndarray  # (T, E) counts
+    touch: np.ndarray  # (T, E) counts, or what is seen
 
 
 def recorded_person(parameters: DemonstrationParameters) -> tuple[int, Bench, Recorded]:

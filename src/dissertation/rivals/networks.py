@@ -1,6 +1,6 @@
 """Networks that imitate poses: a feed-forward one, and an action-chunking transformer (ACT).
 
-Both map the standardised state (pose and task) and touch to a chunk of H later poses.
+Both map the standardised state (pose and task) and touch, or what is seen, to a chunk of H later poses.
 
 ACT is that of Zhao, Kumar, Levine & Finn (2023, "Learning fine-grained bimanual manipulation with low-cost
 hardware"): a conditional variational auto-encoder. Its encoder compresses a demonstrated chunk to a style z;
@@ -16,7 +16,6 @@ import numpy as np
 import torch
 from torch import Tensor, nn
 
-ACTION = 6  # position and rotation vector
 HEADS, LATENT, DROPOUT, KL_WEIGHT = 4, 8, 0.1, 10.0
 WIDER = 2  # width of the feed-forward part of a layer, relative to its tokens
 DEPARTURES = {  # published (table III of the paper and its text), and here
@@ -42,16 +41,19 @@ class Feedforward(nn.Module):
 
     error = staticmethod(nn.functional.mse_loss)
 
-    def __init__(self, inputs: tuple[int, int], width: int, layers: int, chunk: int) -> None:
-        """`inputs`: sizes of state and touch; `chunk`: H."""
+    def __init__(self, inputs: tuple[int, int], action: int, width: int, layers: int, chunk: int) -> None:
+        """`inputs`: sizes of state and touch; `action`: A, of a pose; `chunk`: H."""
         super().__init__()
+        self.action = action
         sizes = [sum(inputs), *[width] * layers]
         hidden = [part for pair in pairwise(sizes) for part in (nn.Linear(*pair), nn.ReLU())]
-        self.layers = nn.Sequential(*hidden, nn.Linear(sizes[-1], chunk * ACTION))
+        self.layers = nn.Sequential(*hidden, nn.Linear(sizes[-1], chunk * action))
 
     def forward(self, state: Tensor, touch: Tensor, _: Tensor | None = None) -> tuple[Tensor, Tensor]:
-        """Chunks (B, H, 6) from (B, S) and (B, E), and 0: there are no styles that could diverge."""
-        return self.layers(torch.cat([state, touch], dim=-1)).unflatten(-1, (-1, ACTION)), torch.zeros(())
+        """Chunks (B, H, A) from (B, S) and (B, E), and 0: there are no styles that could diverge."""
+        return self.layers(torch.cat([state, touch], dim=-1)).unflatten(-1, (-1, self.action)), torch.zeros(
+            ()
+        )
 
 
 class ActionChunking(nn.Module):
@@ -60,12 +62,12 @@ class ActionChunking(nn.Module):
     vae_encoder_pos_enc: Tensor
     error = staticmethod(nn.functional.l1_loss)
 
-    def __init__(self, inputs: tuple[int, int], width: int, layers: int, chunk: int) -> None:
+    def __init__(self, inputs: tuple[int, int], action: int, width: int, layers: int, chunk: int) -> None:
         super().__init__()
         self.vae_encoder = nn.ModuleList(EncoderLayer(width) for _ in range(layers))
         self.vae_encoder_cls_embed = nn.Embedding(1, width)
         self.vae_encoder_robot_state_input_proj = nn.Linear(inputs[0], width)
-        self.vae_encoder_action_input_proj = nn.Linear(ACTION, width)
+        self.vae_encoder_action_input_proj = nn.Linear(action, width)
         self.vae_encoder_latent_output_proj = nn.Linear(width, 2 * LATENT)
         self.register_buffer("vae_encoder_pos_enc", sinusoids(2 + chunk, width)[None])
         self.encoder = nn.ModuleList(EncoderLayer(width) for _ in range(layers))
@@ -75,15 +77,15 @@ class ActionChunking(nn.Module):
         self.encoder_env_state_input_proj = nn.Linear(inputs[1], width)
         self.decoder, self.decoder_norm = DecoderLayer(width), nn.LayerNorm(width)
         self.decoder_pos_embed = nn.Embedding(chunk, width)
-        self.action_head = nn.Linear(width, ACTION)
+        self.action_head = nn.Linear(width, action)
         for weights in (*self.encoder.parameters(), *self.decoder.parameters()):
             if weights.dim() > 1:
                 nn.init.xavier_uniform_(weights)
 
     def forward(self, state: Tensor, touch: Tensor, actions: Tensor | None = None) -> tuple[Tensor, Tensor]:
-        """Chunks (B, H, 6) from (B, S) and (B, E), and the mean divergence of their styles from the prior.
+        """Chunks (B, H, A) from (B, S) and (B, E), and the mean divergence of their styles from the prior.
 
-        `actions`: (B, H, 6) demonstrated chunks, whose styles are drawn; None: the prior's mean style.
+        `actions`: (B, H, A) demonstrated chunks, whose styles are drawn; None: the prior's mean style.
         """
         style, divergence = torch.zeros(len(state), LATENT), torch.zeros(())
         if actions is not None:

@@ -10,7 +10,7 @@ from pydantic import Field
 from torch import Tensor, nn
 
 from dissertation.rivals.imitation_data import Episode
-from dissertation.rivals.networks import ACTION, HEADS, KL_WEIGHT, ActionChunking, Feedforward
+from dissertation.rivals.networks import HEADS, KL_WEIGHT, ActionChunking, Feedforward
 from structlearn.core.params import Parameters
 from structlearn.feedback.skill import TARGET_MARGIN
 from structlearn.networks.torch_settings import Adam, as_tensor, one_thread
@@ -65,44 +65,46 @@ class Policy:
     pose: Units
     task: Units
     touch: Units
-    fastest: tuple[float, float]  # m and rad per sample that its reference may move
+    fastest: tuple[float, ...]  # m, and rad if it turns, per sample that its reference may move
 
     @torch.no_grad()
     def chunk(self, pose: np.ndarray, task: np.ndarray, touch: np.ndarray) -> np.ndarray:
-        """Poses (H, 6) at the next decisions, from pose (6,), task (4,) and touch (E,)."""
-        state = torch.cat([self.pose.standard(pose), self.task.standard(task)])
-        ahead, _ = self.network(state[None], self.touch.standard(touch)[None])
-        return ahead[0].numpy().astype(float) * self.pose.scale + self.pose.mean
+        """Poses (H, ..., A) at the next decisions, from pose (..., A), task (..., 4) and touch (..., E)."""
+        state = torch.cat([self.pose.standard(pose), self.task.standard(task)], dim=-1)
+        ahead, _ = self.network(torch.atleast_2d(state), torch.atleast_2d(self.touch.standard(touch)))
+        poses = ahead.numpy().astype(float) * self.pose.scale + self.pose.mean
+        return np.moveaxis(poses.reshape(*state.shape[:-1], *poses.shape[1:]), -2, 0)
 
 
 def train(episodes: Sequence[Episode], parameters: RivalParameters, seed: int) -> Policy:
-    """Clone demonstrations; every tilt counts alike, however many demonstrations it has.
+    """Clone demonstrations; every setting counts alike, however many demonstrations it has.
 
     Squared errors, for the transformer absolute ones and the divergence of the style as published. Adam with
     a learning rate that falls to 0 over the second half. Same episodes, parameters and seed give the same
     weights.
     """
     own = parameters
-    tilts, *signals = zip(*episodes, strict=True)
+    settings, *signals = zip(*episodes, strict=True)
     poses, tasks, touches = map(np.concatenate, signals)
-    units = Units.of(poses, (3, 3)), Units.of(tasks, (3, 1)), Units.of(touches, (touches.shape[1],))
+    units = Units.of(poses, triples(poses)), Units.of(tasks, (3, 1)), Units.of(touches, (touches.shape[1],))
     parts = zip(units, (poses, tasks, touches), strict=True)
     pose, task, touch = (its.standard(part) for its, part in parts)
     lengths = [len(one.pose) for one in episodes]
     last = np.repeat(np.cumsum(lengths), lengths)[:, None] - 1  # (S, 1) of a sample's episode: the hand rests
     ahead = np.arange(len(last))[:, None] + own.every * np.arange(1, own.chunk + 1)
     later = torch.from_numpy(np.minimum(ahead, last))  # (S, H)
-    _, places, counts = np.unique(np.repeat(tilts, lengths), return_inverse=True, return_counts=True)
+    _, places, counts = np.unique(np.repeat(settings, lengths), return_inverse=True, return_counts=True)
     chances = 1.0 / counts[places] / len(counts)
     drawn = np.random.default_rng(seed).choice(len(last), (own.steps, own.batch), p=chances)
     with one_thread(), torch.random.fork_rng(devices=[]):
         torch.manual_seed(seed)
         sizes = pose.shape[1] + task.shape[1], touch.shape[1]
-        network = NETWORKS[own.network](sizes, own.width, own.layers, own.chunk).train()
+        action = poses.shape[1]
+        network = NETWORKS[own.network](sizes, action, own.width, own.layers, own.chunk).train()
         adam = Adam(list(network.parameters()), own.learning_rate)
         for step, rows in enumerate(torch.from_numpy(drawn)):
             adam.rate = own.learning_rate * min(1.0, 2.0 * (1.0 - step / own.steps))
-            seen = pose[rows] + own.noise * torch.randn(own.batch, ACTION)
+            seen = pose[rows] + own.noise * torch.randn(own.batch, action)
             felt = touch[rows] + own.noise * torch.randn(own.batch, sizes[1])
             target = pose[later[rows]]
             found, divergence = network(torch.cat([seen, task[rows]], dim=1), felt, target)
@@ -111,11 +113,16 @@ def train(episodes: Sequence[Episode], parameters: RivalParameters, seed: int) -
     return Policy(own, network.eval(), *units, fastest(episodes))
 
 
-def fastest(episodes: Sequence[Episode]) -> tuple[float, float]:
-    """Bounds in m and rad per sample, `SPEED_MARGIN` times the largest demonstrated ones."""
+def triples(poses: np.ndarray) -> tuple[int, ...]:
+    """Sizes of the parts of poses (..., A): a position, and a rotation vector if the hand turns."""
+    return (3,) * (poses.shape[-1] // 3)
+
+
+def fastest(episodes: Sequence[Episode]) -> tuple[float, ...]:
+    """Bounds in m, and rad if the hand turns, per sample: `SPEED_MARGIN` times the largest demonstrated."""
     steps = np.concatenate([np.diff(one.pose[::SPEED_SAMPLES], axis=0) for one in episodes]) / SPEED_SAMPLES
-    moves, turns = (SPEED_MARGIN * np.linalg.norm(part, axis=1).max() for part in np.hsplit(steps, 2))
-    return float(moves), float(turns)
+    parts = np.hsplit(steps, len(triples(steps)))
+    return tuple(float(SPEED_MARGIN * np.linalg.norm(part, axis=1).max()) for part in parts)
 
 
 class Ensemble:
@@ -126,9 +133,10 @@ class Ensemble:
         self.decay, self.chunks = decay, list[np.ndarray]()
 
     def update(self, chunk: np.ndarray) -> np.ndarray:
-        """Pose (6,) for the next decision, from the newest chunk (H, 6) and those before."""
+        """Pose (..., A) for the next decision, from the newest chunk (H, ..., A) and those before."""
         self.chunks = [*self.chunks, chunk][-len(chunk) :]
         ages = range(len(self.chunks) - 1, -1, -1)
         predictions = np.stack([one[age] for one, age in zip(self.chunks, ages, strict=True)])
         weights = np.exp(-self.decay * np.arange(len(predictions)))
-        return weights @ predictions / weights.sum()
+        mean = weights @ predictions.reshape(len(weights), -1) / weights.sum()
+        return mean.reshape(chunk.shape[1:])

@@ -114,6 +114,6 @@ class Leader:
 
 
 def bounded(step: np.ndarray, most: np.ndarray) -> np.ndarray:
-    """Step (6,) of a pose, shortened to at most so many m and rad, `most` (2,)."""
-    sizes = np.linalg.norm(step.reshape(2, 3), axis=1)
-    return step * np.repeat(np.minimum(1.0, most / np.maximum(sizes, 1e-12)), 3)
+    """Steps (..., A) of poses, shortened to at most so many m, and rad if they turn, `most` (A / 3,)."""
+    sizes = np.linalg.norm(step.reshape(*step.shape[:-1], -1, 3), axis=-1)
+    return step * np.repeat(np.minimum(1.0, most / np.maximum(sizes, 1e-12)), 3, axis=-1)

@@ -1,0 +1,1 @@
+"""The same rivals on reaches past spheres, beside the learned avoidance."""
