@@ -30,7 +30,7 @@ from dissertation.rivals.imitation_data import (
 )
 from dissertation.rivals.networks import ActionChunking
 from dissertation.rivals.page import rivals_page
-from dissertation.rivals.page.rivals_page import page
+from dissertation.rivals.page.rivals_page import Compared, page
 from dissertation.rivals.page.rivals_view import executed_once, side_by_side
 from dissertation.rivals.policies import Ensemble, RivalParameters, Units, train
 from dissertation.rivals.policy_execution import Leader, bounded, execute_policy
@@ -48,6 +48,13 @@ from dissertation.rivals.protocol import (
     planned_runs,
     results_of,
     run_scores,
+)
+from dissertation.rivals.reaching.reaching_protocol import (
+    FAR,
+    NEAR,
+    UNSEEN,
+    ReachingParameters,
+    ReachingTrialParameters,
 )
 from dissertation.rivals.situations import UNMOVED, Situation, execute_skill, moved
 from dissertation.scraping.protocol.executions import Run, execute_run, nominal_runs
@@ -443,33 +450,72 @@ def studied():
     return Study(pd.DataFrame(rows).assign(variant="ours", cell="11", stage="rivals_compare"))
 
 
-def shown(study):
-    """Its page, with trials of which the number is the cost."""
-    budget = committed(TrialParameters, "rival_trials")
+@pytest.fixture(scope="module")
+def past_spheres():
+    """Results of twelve people, by whom rivals hit 6 % more spheres than ours and make larger detours."""
+    rng, rows = np.random.default_rng(1), []
+    counts, parts = committed(ReachingParameters, "reaching").counts, (NEAR, FAR, UNSEEN)
+    for person, model, part in product(range(83, 95), MODELS, parts):
+        for count in (0,) if model == NOMINAL else counts:
+            hit = {NOMINAL: 0.5, OURS: 0.02}.get(model, 0.08) + 0.01 * rng.random()
+            values = {"hit": hit, "failed": hit, "goal": 8.0, "detour": 5.0 if model == OURS else 25.0}
+            keys = {"person": person, "model": model, "part": part, "setting": 0.0, "level": float(count)}
+            rows += [{"quantity": name, "value": value, "unit": ""} | keys for name, value in values.items()]
+    return Study(pd.DataFrame(rows).assign(variant="ours", cell="83", stage="rivals_compare_reaches"))
+
+
+def longer(study, factor=1.0):
+    """The study once more, and with rivals that cost other than before by a factor."""
+    again = study.results.assign(variant="longer")
+    again["value"] *= np.where(again["model"].isin(RIVALS) & again["quantity"].eq("cost"), factor, 1.0)
+    return Study(pd.concat([study.results, again]))
+
+
+def shown(study, past_spheres, factor=1.0):
+    """Their page, with trials of which the number is the cost."""
+    board, reaching = (
+        committed(TrialParameters, "rival_trials"),
+        committed(ReachingTrialParameters, "reaching_trials"),
+    )
     rows = [
         {"quantity": quantity, "value": number + 1.0, "level": float(number), "model": model}
-        for quantity, model, number in product(("cost", "failed"), MODELS[1:], range(budget.trials))
+        for quantity, model, number in product(("cost", "failed"), MODELS[1:], range(board.trials))
     ]
-    return page(study, Study(pd.DataFrame(rows)), committed(ComparisonParameters, "rivals"), budget)
+    tried = Study(pd.DataFrame(rows))
+    return page(
+        Compared(study, tried, committed(ComparisonParameters, "rivals"), board),
+        longer(study, factor),
+        Compared(past_spheres, tried, committed(ReachingParameters, "reaching"), reaching),
+    )
 
 
-def test_the_page_judges_what_it_shows_either_way(studied, tmp_path):
-    document, drawn, tables, find = shown(studied)
+def test_the_page_judges_what_it_shows_either_way(studied, past_spheres, tmp_path):
+    document, drawn, tables, find = shown(studied, past_spheres)
     verdicts = {one.claim.evidence: one.verdict for one in document.judged}
     assert verdicts["all_demonstrations"] == verdicts["more_failures_beyond"] == "yes"
     assert verdicts["one_against_four"] == "no difference"
     assert verdicts["goal_distance"] == "no"
     assert verdicts["level_harm"] == "yes"
+    assert verdicts["longer_training"] == verdicts["more_hits"] == verdicts["more_hits_with_four"] == "yes"
+    assert verdicts["reaching_goal"] == "yes"
+    assert verdicts["needless_detour"] == "no"
     publish_judged(tmp_path, {"index": document}, drawn, tables, find)
     assert "0.50" in (tmp_path / "index.html").read_text()
     better = studied.results.copy()
     better.loc[better["model"].isin(RIVALS) & (better["quantity"] == "cost"), "value"] /= 4.0
-    against = {one.claim.evidence: one.verdict for one in shown(Study(better))[0].judged}
+    other = past_spheres.results.copy()
+    other.loc[other["model"].isin(RIVALS) & (other["quantity"] == "hit"), "value"] = 0.0
+    found = shown(Study(better), Study(other), factor=0.5)[0].judged
+    against = {one.claim.evidence: one.verdict for one in found}
     assert against["all_demonstrations"] == against["unseen_tilts"] == against["knocked"] == "no"
+    assert against["longer_training"] == "no"
+    assert against["more_hits"] == against["more_hits_with_four"] in ("no", "no difference")
 
 
-def test_the_table_of_trials_says_what_was_drawn_and_chosen(studied):
-    table = shown(studied)[2]["rival_choices"].frame
+def test_the_table_of_trials_says_what_was_drawn_and_chosen(studied, past_spheres):
+    tables = shown(studied, past_spheres)[2]
+    table = tables["rival_choices"].frame
+    assert "displaced_m" in tables["reaching_choices"].frame["drawn"].iloc[0]
     assert list(table[table["note"] == "chosen"]["trial"]) == [0, 0, 0]
     budget = committed(TrialParameters, "rival_trials")
     drawn = drawn_methods("chunking", budget)[1]
@@ -477,11 +523,11 @@ def test_the_table_of_trials_says_what_was_drawn_and_chosen(studied):
     assert "batch" not in table["drawn"].iloc[-1]  # has one option
 
 
-def test_the_times_of_the_benchmark_are_shown_if_they_are_there(studied, tmp_path, monkeypatch):
+def test_the_times_of_the_benchmark_are_shown_if_they_are_there(studied, past_spheres, tmp_path, monkeypatch):
     times = tmp_path / "times.csv"
     times.write_text("method,training_s,decision_ms,rate_hz\nours,12.34,0.0123,300\n")
     monkeypatch.setattr(rivals_page, "TIMES", times)
-    document, drawn, tables, find = shown(studied)
+    document, drawn, tables, find = shown(studied, past_spheres)
     publish_judged(tmp_path / "page", {"index": document}, drawn, tables, find)
     assert '<td class="number">0.012</td>' in (tmp_path / "page/index.html").read_text()
 

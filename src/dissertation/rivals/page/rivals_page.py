@@ -1,7 +1,8 @@
-"""The page on rivals: cost over the number of demonstrations, choices with their budgets, verdicts."""
+"""The page on rivals: cost and hits over the number of demonstrations, trials, verdicts."""
 
+from collections.abc import Callable
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 import pandas as pd
@@ -10,13 +11,15 @@ from matplotlib.figure import Figure
 from dissertation.evidence.claims import judge, read_claims
 from dissertation.evidence.judged_page import JudgedDocument
 from dissertation.evidence.results import Results
-from dissertation.evidence.studies import Study, rests_on
-from dissertation.rivals.choice import TrialParameters, drawn_methods, trial_costs
+from dissertation.evidence.studies import OURS, Study, rests_on
+from dissertation.rivals.choice import DrawingParameters, drawn_methods, trial_costs
 from dissertation.rivals.networks import DEPARTURES
-from dissertation.rivals.page.findings import DEMONSTRATED, LOOKS, STUDY, UNSEEN, by_level, findings
+from dissertation.rivals.page import findings as own
+from dissertation.rivals.page.findings import DEMONSTRATED, LOOKS, NEW_TILTS, by_level
 from dissertation.rivals.protocol import MODELS, NOMINAL, ComparisonParameters
+from dissertation.rivals.reaching.reaching_protocol import ReachingParameters, failures
 from structlearn.reporting.document import Table
-from structlearn.reporting.evidence import geometric_mean
+from structlearn.reporting.evidence import Evidence, geometric_mean, mean
 from structlearn.reporting.figure_style import legend, panel, styled
 from structlearn.reporting.findings import Findings
 
@@ -24,75 +27,106 @@ TIMES = Path("reports/benchmarks/rivals.csv")
 """Of `benchmarks/rivals.py`, shown if it is there: seconds differ from run to run, so no stage makes it."""
 
 
+class Compared(NamedTuple):
+    """One comparison: its people, and the trials before it."""
+
+    study: Study
+    choices: Study
+    parameters: ComparisonParameters | ReachingParameters
+    budget: DrawingParameters  # of the trials
+
+
 def page(
-    study: Study, choices: Study, parameters: ComparisonParameters, budget: TrialParameters
+    board: Compared, longer: Study, spheres: Compared
 ) -> tuple[JudgedDocument, dict[str, list[Figure]], dict[str, Table], Findings]:
-    """Page, figures, tables and findings from both studies."""
-    results = Results(study.results, "person")
-    find = findings(results)
+    """Page, figures, tables and findings from all studies."""
+    costs, hits = (Results(one.study.results, "person") for one in (board, spheres))
+    find = own.findings(costs, Results(by_variant(longer), "person"), hits)
     departures = [(name, *map(str, both)) for name, both in DEPARTURES.items()]
     tables = {
-        "rival_choices": Table(trials_table(choices.results, budget)),
+        "rival_choices": Table(trials_table(board, trial_costs, "cost_rad")),
+        "reaching_choices": Table(trials_table(spheres, failures, "failed")),
         "rival_departures": Table(pd.DataFrame(departures, columns=["parameter", "published", "here"])),
     }
     if TIMES.exists():
         tables["rival_times"] = Table(pd.read_csv(TIMES), {"training_s": ".1f", "decision_ms": ".3f"})
-    facts = {"params": parameters, "budget": budget, "found": find, "tables": tables}
+    facts = {"board": board, "spheres": spheres, "found": find, "tables": tables}
     claims = read_claims(Path(__file__).with_name("rivals_claims.yaml"))
+    rests = {own.STUDY: board.study, own.LONGER: longer, own.REACHING: spheres.study}
     document = JudgedDocument(
         template="rivals.html.jinja",
         package=__package__,
         facts=facts,
         tables=tables,
-        recordings="../rerun/rivals",
         judged=judge(claims, find, facts),
-        parameters={"rivals": parameters, "rival_trials": budget},
+        parameters={
+            "rivals": board.parameters,
+            "rival_trials": board.budget,
+            "reaching": spheres.parameters,
+            "reaching_trials": spheres.budget,
+        },
         simulated=True,
-        basis=rests_on(STUDY, study),
+        basis=" ".join(rests_on(name, study) for name, study in rests.items()),
         command="python stages/rivals/report.py",
     )
-    return document, {"rival_costs": cost_figures(results)}, tables, find
+    tilts = {"demonstrated tilts": DEMONSTRATED, "tilts nobody demonstrated": NEW_TILTS}
+    figures = [
+        level_figure(title, by_level(costs, settings=its), geometric_mean, "cost (rad)", "per tilt")
+        for title, its in tilts.items()
+    ]
+    missed = level_figure("unseen spheres", own.hits(hits), mean, "spheres hit (%)", "per place")
+    return document, {"rival_costs": figures, "rival_hits": [missed]}, tables, find
+
+
+def by_variant(study: Study) -> pd.DataFrame:
+    """Results of a study with the variant as part of the model's name."""
+    table, changed = study.results, study.results["model"] + ", " + study.results["variant"]
+    return table.assign(model=table["model"].where(table["variant"] == OURS, changed))
 
 
 @styled
-def cost_figures(results: Results) -> list[Figure]:
-    """Cost over demonstrations per tilt, geometric mean over people with its 95 % interval."""
-    figures = []
-    for title, settings in (("demonstrated tilts", DEMONSTRATED), ("tilts nobody demonstrated", UNSEEN)):
-        costs, (figure, axes) = by_level(results, settings=settings), panel(title, height=3.8)
-        for place, model in enumerate(MODELS):
-            found = [geometric_mean(one.dropna().to_numpy()) for _, one in costs[model].items()]
-            value, low, high = np.array([(one.value, one.low, one.high) for one in found]).T
-            look: dict[str, Any] = {"color": LOOKS[model].colour, "label": LOOKS[model].name}
-            if model == NOMINAL:
-                axes.axhline(value[0], linestyle="--", linewidth=1.2, **look)
-                continue
-            x = np.array(costs[model].columns, float) * 1.03 ** (place - 2)  # side by side
-            bars = np.nan_to_num([value - low, high - value], posinf=0.0)
-            axes.errorbar(x, value, bars, marker="o", markersize=3.5, elinewidth=1.4, linewidth=1.0, **look)
-        axes.set_xscale("log", base=2)
-        ticks = [one for one in costs.columns.unique("level") if one]
-        axes.set_xticks(ticks, [f"{one:g}" for one in ticks])
-        axes.set(xlabel="demonstrations per tilt", ylabel="cost (rad)", ylim=(0.0, None))
-        figures.append(legend(figure, columns=1))
-    return figures
+def level_figure(
+    title: str, values: pd.DataFrame, statistic: Callable[[np.ndarray], Evidence], quantity: str, per: str
+) -> Figure:
+    """A quantity over the demonstrations per setting, a line per method with its 95 % interval over people.
+
+    `values`: a row per person, columns model and level.
+    """
+    figure, axes = panel(title, height=3.8)
+    for place, model in enumerate(MODELS):
+        found = [statistic(one.dropna().to_numpy()) for _, one in values[model].items()]
+        value, low, high = np.array([(one.value, one.low, one.high) for one in found]).T
+        look: dict[str, Any] = {"color": LOOKS[model].colour, "label": LOOKS[model].name}
+        if model == NOMINAL:
+            axes.axhline(value[0], linestyle="--", linewidth=1.2, **look)
+            continue
+        x = np.array(values[model].columns, float) * 1.03 ** (place - 2)  # side by side
+        bars = np.nan_to_num([value - low, high - value], posinf=0.0)
+        axes.errorbar(x, value, bars, marker="o", markersize=3.5, elinewidth=1.4, linewidth=1.0, **look)
+    axes.set_xscale("log", base=2)
+    ticks = [one for one in values.columns.unique("level") if one]
+    axes.set_xticks(ticks, [f"{one:g}" for one in ticks])
+    axes.set(xlabel=f"demonstrations {per}", ylabel=quantity, ylim=(0.0, None))
+    return legend(figure, columns=1)
 
 
-def trials_table(results: pd.DataFrame, budget: TrialParameters) -> pd.DataFrame:
-    """All trials: geometric mean of the cost over tuning people and tilts, failures, what was drawn."""
-    tables = []
+def trials_table(
+    compared: Compared, score: Callable[[pd.DataFrame, str], pd.Series], name: str
+) -> pd.DataFrame:
+    """All trials by their score, of which the lowest is chosen; the share that failed, and what was drawn."""
+    results, tables = compared.choices.results, []
     for model in MODELS[1:]:
-        drawn = pd.json_normalize([one.model_dump() for one in drawn_methods(model, budget)]).astype(str)
+        methods = drawn_methods(model, compared.budget)
+        drawn = pd.json_normalize([one.model_dump() for one in methods]).astype(str)
         differ = drawn.loc[:, (drawn != drawn.iloc[0]).any()]
-        own = results[(results["quantity"] == "failed") & (results["model"] == model)]
-        costs = trial_costs(results, model)
+        scores = score(results, model)
         columns = {
             "method": LOOKS[model].name,
-            "trial": costs.index.astype(int),
-            "cost_rad": costs,
-            "failed": own.groupby("level")["value"].mean(),
+            "trial": scores.index.astype(int),
+            name: scores,
+            "failed": failures(results, model),
             "drawn": [", ".join(f"{key} {its}" for key, its in row.items()) for _, row in differ.iterrows()],
-            "note": np.where(costs.index == costs.idxmin(), "chosen", ""),
+            "note": np.where(scores.index == scores.idxmin(), "chosen", ""),
         }
         tables.append(pd.DataFrame(columns))
     return pd.concat(tables, ignore_index=True)
