@@ -273,6 +273,7 @@ def test_every_module_is_used():
 def test_every_data_dependency_is_the_output_of_some_stage():
     outputs = {f"reports/studies/{folder.name}" for folder in (ROOT / "reports/studies").iterdir()}
     outputs |= {"params.yaml", *((QUOTED / name).as_posix() for name in COPIED)}
+    outputs.add("reports/rivals/tables")  # from studies, by a script that is run by hand
     for stage in PIPELINE.values():
         listed = [*stage.get("outs", []), *stage.get("metrics", [])]
         outputs |= {out if isinstance(out, str) else next(iter(out)) for out in listed}
