@@ -30,6 +30,7 @@ from dissertation.rivals.imitation_data import (
 )
 from dissertation.rivals.networks import ActionChunking
 from dissertation.rivals.page import rivals_page
+from dissertation.rivals.page.findings import AVOIDING, LOOKS
 from dissertation.rivals.page.rivals_page import Compared, page
 from dissertation.rivals.page.rivals_view import executed_once, side_by_side
 from dissertation.rivals.policies import Ensemble, RivalParameters, Units, train
@@ -483,9 +484,9 @@ def shown(study, past_spheres, factor=1.0):
     ]
     tried = Study(pd.DataFrame(rows))
     return page(
-        Compared(study, tried, committed(ComparisonParameters, "rivals"), board),
+        Compared(study, tried, committed(ComparisonParameters, "rivals"), board, LOOKS),
         longer(study, factor),
-        Compared(past_spheres, tried, committed(ReachingParameters, "reaching"), reaching),
+        Compared(past_spheres, tried, committed(ReachingParameters, "reaching"), reaching, AVOIDING),
     )
 
 

@@ -5,9 +5,10 @@ Both map the standardised state (pose and task) and touch, or what is seen, to a
 ACT is that of Zhao, Kumar, Levine & Finn (2023, "Learning fine-grained bimanual manipulation with low-cost
 hardware"): a conditional variational auto-encoder. Its encoder compresses a demonstrated chunk to a style z;
 its decoder is a transformer from tokens of z, state and touch to the chunk; z = 0 when it acts. LeRobot 0.4.4
-has it, also without images, but needs torch < 2.11 and rerun-sdk < 0.27, where this project has 2.13 and
-0.41. So it is written here again, for LeRobot's weights (`benchmarks/act_of_lerobot.py`), and smaller
-(`DEPARTURES`): we have some dozens of demonstrations of six numbers, without cameras.
+implements it, also without images, but needs torch < 2.11 and rerun-sdk < 0.27, where we use 2.13 and 0.41.
+This module is therefore our own; it gives the same outputs for LeRobot's weights
+(`benchmarks/act_of_lerobot.py`), and is smaller (`DEPARTURES`): we have some dozens of demonstrations, and no
+cameras.
 """
 
 from itertools import pairwise
@@ -32,6 +33,9 @@ DEPARTURES = {  # published (table III of the paper and its text), and here
     "learning_rate": (1e-5, "chosen"),
     "batch": (8, 32),
     "optimiser": ("AdamW", "Adam, rate falling to 0"),
+    "gradient steps": ("hours on a GPU", "chosen"),
+    "actions": ("commands of a leader arm", "measured poses"),
+    "inputs": ("images and joint angles", "hand's pose, touch or sphere"),
     "padding": ("masked", "the hand rests"),  # of chunks beyond the end
 }
 

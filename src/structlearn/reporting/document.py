@@ -76,6 +76,11 @@ class Document:
     clone: str = "."  # folder of the sources, whose commit the footer names
     command: str = ""  # that makes the page; default `dvc repro STAGE`
 
+    @property
+    def shown_by(self) -> str:
+        """Command that makes its figures and tables."""
+        return f"dvc repro {self.stage}" if self.stage else self.command
+
     def environment(self) -> Environment:
         """Jinja environment of the page's templates."""
         return environment(self.package)
@@ -125,7 +130,7 @@ class PageHelpers:
         """Figure of one or more panels; `source`: space-separated names of the document's sources."""
         caption = caller() if caller is not None else caption
         panels, sources = self._figures[name], self._sources(source)
-        return self._parts.figure(name, panels, caption, alt, sources, self._document.stage)
+        return self._parts.figure(name, panels, caption, alt, sources, self._document.shown_by)
 
     def table(
         self,
@@ -138,7 +143,7 @@ class PageHelpers:
         """Table with a link to its CSV file; `folded` hides it until the reader opens it."""
         caption = caller() if caller is not None else caption
         shown = self._document.tables[name]
-        return self._parts.table(name, shown, caption, self._sources(source), self._document.stage, folded)
+        return self._parts.table(name, shown, caption, self._sources(source), self._document.shown_by, folded)
 
     def recording(self, name: str, note: str) -> Markup:
         """Link to a recording, with a note on its contents."""
@@ -154,8 +159,7 @@ class PageHelpers:
 
     def _provenance(self) -> Provenance:
         document = self._document
-        command = document.command or (f"dvc repro {document.stage}" if document.stage else "")
-        return Provenance(source_commit(root=Path(document.clone)), command)
+        return Provenance(source_commit(root=Path(document.clone)), document.command or document.shown_by)
 
     def _sources(self, names: str) -> list[Source]:
         return [self._document.sources[name] for name in names.split()]

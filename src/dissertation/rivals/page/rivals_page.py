@@ -1,6 +1,6 @@
 """The page on rivals: cost and hits over the number of demonstrations, trials, verdicts."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -15,9 +15,10 @@ from dissertation.evidence.studies import OURS, Study, rests_on
 from dissertation.rivals.choice import DrawingParameters, drawn_methods, trial_costs
 from dissertation.rivals.networks import DEPARTURES
 from dissertation.rivals.page import findings as own
-from dissertation.rivals.page.findings import DEMONSTRATED, LOOKS, NEW_TILTS, by_level
+from dissertation.rivals.page.findings import AVOIDING, DEMONSTRATED, LOOKS, NEW_TILTS, by_level
 from dissertation.rivals.protocol import MODELS, NOMINAL, ComparisonParameters
 from dissertation.rivals.reaching.reaching_protocol import ReachingParameters, failures
+from structlearn.palette import Look
 from structlearn.reporting.document import Table
 from structlearn.reporting.evidence import Evidence, geometric_mean, mean
 from structlearn.reporting.figure_style import legend, panel, styled
@@ -34,6 +35,7 @@ class Compared(NamedTuple):
     choices: Study
     parameters: ComparisonParameters | ReachingParameters
     budget: DrawingParameters  # of the trials
+    looks: Mapping[str, Look]
 
 
 def page(
@@ -50,7 +52,13 @@ def page(
     }
     if TIMES.exists():
         tables["rival_times"] = Table(pd.read_csv(TIMES), {"training_s": ".1f", "decision_ms": ".3f"})
-    facts = {"board": board, "spheres": spheres, "found": find, "tables": tables}
+    facts = {
+        "board": board,
+        "spheres": spheres,
+        "longer_people": longer.results["person"].nunique(),
+        "found": find,
+        "tables": tables,
+    }
     claims = read_claims(Path(__file__).with_name("rivals_claims.yaml"))
     rests = {own.STUDY: board.study, own.LONGER: longer, own.REACHING: spheres.study}
     document = JudgedDocument(
@@ -71,10 +79,10 @@ def page(
     )
     tilts = {"demonstrated tilts": DEMONSTRATED, "tilts nobody demonstrated": NEW_TILTS}
     figures = [
-        level_figure(title, by_level(costs, settings=its), geometric_mean, "cost (rad)", "per tilt")
+        level_figure(title, by_level(costs, settings=its), geometric_mean, "cost (rad)", "per tilt", LOOKS)
         for title, its in tilts.items()
     ]
-    missed = level_figure("unseen spheres", own.hits(hits), mean, "spheres hit (%)", "per place")
+    missed = level_figure("unseen spheres", own.hits(hits), mean, "spheres hit (%)", "per place", AVOIDING)
     return document, {"rival_costs": figures, "rival_hits": [missed]}, tables, find
 
 
@@ -86,7 +94,12 @@ def by_variant(study: Study) -> pd.DataFrame:
 
 @styled
 def level_figure(
-    title: str, values: pd.DataFrame, statistic: Callable[[np.ndarray], Evidence], quantity: str, per: str
+    title: str,
+    values: pd.DataFrame,
+    statistic: Callable[[np.ndarray], Evidence],
+    quantity: str,
+    per: str,
+    looks: Mapping[str, Look],
 ) -> Figure:
     """A quantity over the demonstrations per setting, a line per method with its 95 % interval over people.
 
@@ -96,7 +109,7 @@ def level_figure(
     for place, model in enumerate(MODELS):
         found = [statistic(one.dropna().to_numpy()) for _, one in values[model].items()]
         value, low, high = np.array([(one.value, one.low, one.high) for one in found]).T
-        look: dict[str, Any] = {"color": LOOKS[model].colour, "label": LOOKS[model].name}
+        look: dict[str, Any] = {"color": looks[model].colour, "label": looks[model].name}
         if model == NOMINAL:
             axes.axhline(value[0], linestyle="--", linewidth=1.2, **look)
             continue
@@ -121,7 +134,7 @@ def trials_table(
         differ = drawn.loc[:, (drawn != drawn.iloc[0]).any()]
         scores = score(results, model)
         columns = {
-            "method": LOOKS[model].name,
+            "method": compared.looks[model].name,
             "trial": scores.index.astype(int),
             name: scores,
             "failed": failures(results, model),
