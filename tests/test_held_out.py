@@ -142,7 +142,8 @@ FITS_ALL = {
     "searches by rollouts": "sample_efficiency._advance",
     "call the training of `train_latent` for another skin": "servo_trials.learn_other_skin",
     "learn from runs that are given, and are judged by executions": "imitation_data.recorded_person "
-    "imitation_data.bench_of policies.train protocol.trained protocol.trained_feedback",
+    "imitation_data.bench_of policies.train protocol.trained protocol.trained_feedback reaches.demonstrated "
+    "reaching_protocol.trained_reaches",
 }
 """Why functions that fit have no case."""
 
