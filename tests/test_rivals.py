@@ -18,24 +18,33 @@ from dissertation.evidence.judged_page import publish_judged
 from dissertation.evidence.studies import RESULTS, Study, read_study
 from dissertation.evidence.study_cells import planned_cells, read_descriptions, run_cell, seeds_of
 from dissertation.evidence.study_tables import made_with
-from dissertation.rivals import imitation_data, protocol
+from dissertation.rivals import choice, imitation_data, policies, policy_execution, protocol
 from dissertation.rivals.choice import TrialParameters, choose, drawn_methods, trial_costs
 from dissertation.rivals.imitation_data import (
     DemonstrationParameters,
+    Episode,
     bench_of,
     episodes,
     first,
     frame_of,
     record,
 )
-from dissertation.rivals.networks import ActionChunking
+from dissertation.rivals.networks import ActionChunking, Feedforward
 from dissertation.rivals.page import rivals_page
 from dissertation.rivals.page.rivals_page import Compared, page
 from dissertation.rivals.page.rivals_view import executed_once, side_by_side
-from dissertation.rivals.policies import Ensemble, RivalParameters, Units, train
+from dissertation.rivals.policies import (
+    SPEED_MARGIN,
+    Ensemble,
+    RivalParameters,
+    Units,
+    fastest,
+    train,
+)
 from dissertation.rivals.policy_execution import Leader, bounded, execute_policy
 from dissertation.rivals.protocol import (
     AS_DEMONSTRATED,
+    CAP_RAD,
     KNOCKED,
     MODELS,
     NOMINAL,
@@ -48,6 +57,7 @@ from dissertation.rivals.protocol import (
     planned_runs,
     results_of,
     run_scores,
+    trained_feedback,
 )
 from dissertation.rivals.reaching.reaching_protocol import (
     FAR,
@@ -57,6 +67,8 @@ from dissertation.rivals.reaching.reaching_protocol import (
     ReachingTrialParameters,
 )
 from dissertation.rivals.situations import UNMOVED, Situation, execute_skill, moved
+from dissertation.scraping.protocol import executions
+from dissertation.scraping.protocol.execution_scores import orientation_cost
 from dissertation.scraping.protocol.executions import Run, execute_run, nominal_runs
 from dissertation.simulation.fingers import FingerPair
 from structlearn.core import quaternion
@@ -161,6 +173,76 @@ def test_the_transformer_draws_a_style_in_training_alone():
     assert acting[0][1] == 0.0
 
 
+@pytest.fixture
+def trained_on(monkeypatch):
+    """Trains a feed-forward rival; returns it with all states, readings and targets that it has seen."""
+
+    def trained(shown, noise):
+        batches = []
+
+        class Witness(Feedforward):
+            def forward(self, *inputs):
+                batches.append(inputs)
+                return super().forward(*inputs)
+
+        monkeypatch.setitem(policies.NETWORKS, "feedforward", Witness)
+        policy = train(shown, rival("feedforward", noise=noise, steps=40, batch=50), 1)
+        return policy, *(torch.cat(its).numpy() for its in zip(*batches, strict=True))
+
+    return trained
+
+
+COUNTED = [0.0, 0.0, 5.0], [40, 30, 14]
+"""Settings and lengths of episodes in which x and -y/2 count all samples."""
+
+
+@pytest.fixture(scope="module")
+def counted():
+    rng = np.random.default_rng(0)
+    numbers = np.split(np.arange(84.0), np.cumsum(COUNTED[1])[:-1])
+    return [
+        Episode(setting, one[:, None] * [1.0, -2.0, 0.0], *(rng.random((len(one), size)) for size in (4, 5)))
+        for setting, one in zip(COUNTED[0], numbers, strict=True)
+    ]
+
+
+def test_targets_are_the_next_decisions_and_the_hand_rests_at_an_episodes_end(counted, trained_on):
+    policy, state, _, actions = trained_on(counted, noise=0.0)
+    poses = [its * policy.pose.scale + policy.pose.mean for its in (state[:, None, :3], actions)]
+    sample = np.round(poses[0][..., 0])
+    later = sample + np.array([4, 8, 12])  # every 4 samples, chunks of 3
+    last = np.cumsum(COUNTED[1]) - 1
+    expected = np.minimum(later, last[np.searchsorted(last, sample)])
+    assert (expected < later).any()
+    np.testing.assert_allclose(poses[1], expected[..., None] * [1.0, -2.0, 0.0], atol=1e-3)
+
+
+def test_every_setting_counts_alike_in_training(counted, trained_on):
+    policy, state, *_ = trained_on(counted, noise=0.0)
+    sample = state[:, 0] * policy.pose.scale[0] + policy.pose.mean[0]
+    first_one, first_setting = (sample < 39.5).mean(), (sample < 69.5).mean()
+    assert first_setting == pytest.approx(0.5, abs=0.05)  # of 70 samples in 84
+    assert first_one == pytest.approx(0.5 * 40 / 70, abs=0.05)
+
+
+def test_noise_is_added_to_poses_and_readings_alone(counted, trained_on):
+    clean, noisy = (trained_on(counted, noise)[1:] for noise in (0.0, 0.5))
+    state, touch, actions = (one - other for one, other in zip(noisy, clean, strict=True))
+    assert state[:, :3].std(axis=0) == pytest.approx([0.5] * 3, rel=0.1)
+    assert touch.std(axis=0) == pytest.approx([0.5] * 5, rel=0.1)
+    np.testing.assert_array_equal(state[:, 3:], 0.0)
+    np.testing.assert_array_equal(actions, 0.0)
+
+
+def test_the_fastest_reference_is_somewhat_faster_than_any_demonstration():
+    ramp = np.arange(31.0)[:, None] * [0.003, 0.0, 0.004, 0.0, 0.02, 0.0]
+    shown = [Episode(0.0, factor * ramp, *np.zeros((2, 31, 4))) for factor in (1.0, 0.5)]
+    assert fastest(shown) == pytest.approx([0.005 * SPEED_MARGIN, 0.02 * SPEED_MARGIN])
+    assert fastest([one._replace(pose=one.pose[:, :3]) for one in shown]) == pytest.approx(
+        [0.005 * SPEED_MARGIN]
+    )
+
+
 @pytest.mark.parametrize("decay", [0.0, 0.3])
 def test_temporal_ensembling_is_the_weighted_mean_of_all_predictions_for_a_moment(decay):
     rng, ensemble = np.random.default_rng(0), Ensemble(decay)
@@ -241,13 +323,22 @@ def test_rivals_see_readings_less_the_expected_ones(small, seen):
     assert np.sqrt(np.mean(seen[0].touch[5:] ** 2)) < 0.5 * np.sqrt(np.mean(raw[5:] ** 2))
 
 
-def test_rivals_and_the_skill_meet_equal_conditions(small):
+def test_rivals_and_the_skill_meet_equal_conditions(small, monkeypatch):
     """A rival that copies the skill feels the same board: readings are equal until their paths part."""
-    bench, *_ = small
+    bench, met = small[0], []
+
+    def spied(conditions):
+        return lambda *its, **more: met.append(conditions(*its, **more)) or met[-1]
+
+    for module in (executions, policy_execution):
+        monkeypatch.setattr(module, "run_conditions", spied(module.run_conditions))
     nominal = execute_skill(RUN, bench.skill, bench, UNMOVED)
     copied = execute_policy(RUN, Copier(nominal, frame_of(bench.skill)), bench, UNMOVED)
     np.testing.assert_allclose(copied.tactile[0], nominal.tactile[0], atol=1.0)
     np.testing.assert_allclose(copied.wrench[0], nominal.wrench[0], atol=1e-9)
+    assert len(met) == 2
+    for one, other in zip(*met, strict=True):
+        np.testing.assert_array_equal(one, other)
 
 
 def test_a_knock_takes_the_tool_off_and_none_changes_no_bit(small):
@@ -302,6 +393,80 @@ def test_a_rival_that_puts_out_nonsense_has_failed(small, monkeypatch):
 
 
 @pytest.fixture(scope="module")
+def executed(small):
+    """An execution with other start and goals that has not failed."""
+    return execute_skill(RUN, small[0].skill, small[0], SHIFT)
+
+
+def away(run, bench, distance_m):
+    """Ends so far from its goal along x."""
+    position = run.position.copy()
+    position[700:, :2] = (bench.skill.primitives[-1].position.goal + SHIFT.goal)[:2]
+    position[700:, 0] += distance_m
+    return replace(run, position=position)
+
+
+def pressed(run, bench, share, ticks=slice(None)):
+    """Presses with a share of the commanded force."""
+    wrench = run.wrench.copy()
+    wrench[ticks, 2] = -share * bench.testbed.control.force_n
+    return replace(run, wrench=wrench)
+
+
+def turned(run, bench, angle_deg, ticks=slice(None)):
+    """Has its tool so far from the nominal orientation on the board."""
+    tool = run.tool_to_board.copy()
+    off = quaternion.from_rotation_vector(np.radians([0.0, angle_deg, 0.0]))
+    nominal = bench.nominal[: len(tool)]
+    tool[: len(nominal)][ticks] = quaternion.product(off, nominal)[ticks]
+    return replace(run, tool_to_board=tool)
+
+
+FAILED = [  # all primitives end at 720 ticks, the first one at 180, and the last one starts at 480
+    (away, 0.011, 1.0),
+    (away, -0.011, 1.0),
+    (away, 0.009, 0.0),
+    (pressed, 0.4, 1.0),
+    (pressed, 1.6, 1.0),
+    (pressed, 0.6, 0.0),
+    (pressed, 1.4, 0.0),
+    (turned, 40.0, 1.0),
+    (turned, 29.0, 0.0),
+]
+
+
+@pytest.mark.parametrize(("change", "size", "failed"), FAILED)
+def test_a_run_fails_by_its_goal_its_force_or_its_tool(small, executed, change, size, failed):
+    bench = small[0]
+    assert run_scores(bench, executed, SHIFT)["failed"] == 0.0
+    assert run_scores(bench, change(executed, bench, size), SHIFT)["failed"] == failed
+
+
+def test_only_the_end_of_the_force_and_primitives_with_feedback_count(small, executed):
+    bench = small[0]
+    early, late = slice(0, 600), slice(600, None)
+    assert run_scores(bench, pressed(executed, bench, 0.0, early), SHIFT)["failed"] == 0.0
+    assert run_scores(bench, pressed(executed, bench, 0.0, late), SHIFT)["failed"] == 1.0
+    cost, off = run_scores(bench, executed, SHIFT)["cost"], orientation_cost(executed, bench.nominal)
+    assert cost == pytest.approx(off[180:720].sum())
+    before = run_scores(bench, turned(executed, bench, 40.0, slice(0, 180)), SHIFT)
+    assert (before["cost"], before["failed"]) == (pytest.approx(cost), 0.0)
+    once = run_scores(bench, turned(executed, bench, 40.0, slice(180, 181)), SHIFT)
+    assert (once["cost"], once["failed"]) == (pytest.approx(cost - off[180] + CAP_RAD), 1.0)
+
+
+def test_a_run_has_the_distance_from_its_own_goal_and_the_jerk_below_the_limit(small, executed):
+    bench = small[0]
+    assert run_scores(bench, away(executed, bench, 0.004), SHIFT)["goal"] == pytest.approx(4.0)
+    share = np.linspace(0.0, 1.0, len(executed.time))
+    slow, fast = (np.sin(np.pi * count * share) for count in (4, 2 * round(60.0 * executed.time[-1])))
+    path = slow[:, None] * [1.0, 2.0, 2.0] + 1e-4 * fast[:, None]
+    jerk = 3.0 * (4.0 * np.pi / executed.time[-1]) ** 3 / np.sqrt(2.0)
+    found = run_scores(bench, replace(executed, position=path), SHIFT)["jerk"]
+    assert found == pytest.approx(jerk, rel=0.05)  # ends differ; that of 60 Hz, 30 times as much, is gone
+
+
+@pytest.fixture(scope="module")
 def comparison(small):
     return committed(
         ComparisonParameters,
@@ -339,12 +504,55 @@ def test_a_reduced_cell_runs_from_demonstrations_to_results(small, comparison, m
         own = costs.loc[model]
         assert set(own.loc[2.0].index.unique("part")) == situations
         assert set(own.loc[1.0].index.unique("part")) == {AS_DEMONSTRATED}
+        assert own[1.0, AS_DEMONSTRATED, 10.0] != own[2.0, AS_DEMONSTRATED, 10.0]
     few = compare(7, bench, recorded, comparison.model_copy(update={"counts": (2,)}), METHODS)
     again = few[few["model"] == "chunking"]["value"].to_numpy()
     expected = results[(results["model"] == "chunking") & (results["level"] == 2.0)]["value"].to_numpy()
     np.testing.assert_array_equal(again, expected)
     with pytest.raises(InputError, match="3 demonstrations per tilt, of which only 2 are recorded"):
         compare(7, bench, recorded, comparison.model_copy(update={"counts": (1, 3)}), METHODS)
+
+
+def test_methods_learn_from_as_many_demonstrations_as_are_asked_for(small, comparison, monkeypatch):
+    bench, recorded, _ = small
+    for module in (protocol, choice):
+        monkeypatch.setattr(module, "results_of", lambda person, bench, trials, seed: trials)
+    drawing = committed(TrialParameters, "rival_trials", count=1)
+    compared, tried = (
+        compare(7, bench, recorded, comparison, METHODS)[1:],
+        choose(7, bench, recorded, drawing, 1),
+    )
+    assert [(one.model, one.level) for one in compared] == [*product(MODELS[1:], (1, 2))]
+    assert len(tried) == 3 * drawing.trials
+    shown = [[len(its) for its in one.recorded.values()] for one in (*compared, *tried)]
+    assert shown == [[2, 1, 1], [2, 2, 2]] * 3 + [[2, 1, 1]] * len(tried)  # all on the level board
+
+
+def test_feedback_learns_from_level_executions_that_nothing_is_to_be_corrected(small, monkeypatch):
+    (bench, recorded, _), shown, trained = small, [], protocol.train_final
+    monkeypatch.setattr(protocol, "train_final", lambda *its: shown.append(its[1]) or trained(*its))
+    limits = trained_feedback(bench, recorded, METHODS.ours).limits
+    assert len(shown) == len(bench.supervision.primitives)
+    for its in shown:
+        assert {*its.setting.astype(float)} == {0.0, 5.0, 10.0}
+        level = its.setting.astype(float) == 0.0
+        np.testing.assert_array_equal(its.target[level], 0.0)
+        assert np.abs(its.target[~level]).max() > 0.0
+        assert {*its.demonstration[level]} == {0, 1}
+    assert limits.largest_coupling[bench.supervision.axis] > 0.0
+
+
+def test_starts_goals_and_knocks_are_where_and_when_they_are_told(small, comparison):
+    plan, reach = moved_runs(small[0], comparison), np.array(small[2].range_m)
+    found = {situation.name: situation for _, situation in plan}
+    assert len(found) == len(plan) == 5
+    for name, factor in (("within", 0.8), ("beyond", 2.0)):
+        start, goal = found[f"start {name}"], found[f"goal {name}"]
+        np.testing.assert_allclose(np.abs([start.start, goal.goal]), [factor * reach] * 2)
+        np.testing.assert_array_equal([start.goal, goal.start], 0.0)
+    knock = found[KNOCKED]
+    assert knock.knock_s == pytest.approx((0.6 + 0.3, 0.6 + 0.4))  # the first primitive takes 0.6 s
+    assert knock == replace(UNMOVED, name=KNOCKED, knock_n=comparison.moved.knock_n, knock_s=knock.knock_s)
 
 
 def test_runs_of_all_methods_meet_conditions_that_no_demonstration_has(small, comparison, monkeypatch):
@@ -414,7 +622,10 @@ def test_nobody_tuned_on_is_in_the_comparison():
     tuned = set(read_yaml(ROOT / "params.yaml")["scraping_people"]["tuning"])
     people = {seed for cell in planned_cells("rivals/people", ROOT) for seed in seeds_of(cell)}
     choosing = {seed for cell in planned_cells("rivals/choice", ROOT) for seed in seeds_of(cell)}
+    longer_trained = {seed for cell in planned_cells("rivals/longer", ROOT) for seed in seeds_of(cell)}
     assert choosing == tuned
+    assert len(longer_trained) >= 6
+    assert not longer_trained & (people | tuned)
     assert len(people) >= 12
     assert not people & tuned
     assert {"rivals/people", "rivals/choice"} <= read_descriptions(

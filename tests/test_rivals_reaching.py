@@ -15,13 +15,16 @@ from dissertation.obstacles.protocol.avoidance_protocols import (
     unseen_scenarios,
 )
 from dissertation.obstacles.world.reaching_person import AvoiderParameters
-from dissertation.obstacles.world.scenarios import SceneParameters
+from dissertation.obstacles.world.scenarios import SceneParameters, scenarios
 from dissertation.rivals.choice import drawn_methods
 from dissertation.rivals.protocol import MODELS, NOMINAL, OURS, RIVALS
+from dissertation.rivals.reaching import reaching_protocol
 from dissertation.rivals.reaching.reaches import (
+    SPHERE,
     coupling_samples,
     demonstrated,
     executed_reaches,
+    past_places,
     reach_episodes,
     seen_sphere,
 )
@@ -35,6 +38,7 @@ from dissertation.rivals.reaching.reaching_protocol import (
     ReachingParameters,
     ReachingTrialParameters,
     compare_reaches,
+    demonstrated_person,
     failures,
     reach_scores,
     try_reaches,
@@ -133,7 +137,10 @@ def test_scores_are_those_of_the_spheres_and_the_goal(reaches):
     assert 0 < scores["hit"].sum() < 63
     np.testing.assert_allclose(scores[["goal", "detour"]], 60.0)
     assert scores["failed"].eq(1.0).all()
-    np.testing.assert_array_equal(reach_scores(bare, bare, situation, goal, 0.01)["detour"], 0.0)
+    straight = reach_scores(bare, bare, situation, goal, 0.01)
+    np.testing.assert_array_equal(straight["detour"], 0.0)
+    np.testing.assert_array_equal(straight["failed"], straight["hit"])  # at the goal
+    assert 0 < straight["hit"].sum() < 63
 
 
 def test_a_reduced_cell_has_all_methods_at_demonstrated_and_unseen_spheres(bench, reaches, monkeypatch):
@@ -145,6 +152,9 @@ def test_a_reduced_cell_has_all_methods_at_demonstrated_and_unseen_spheres(bench
     assert set(found.index) == {(*one, part) for one, part in product(levels, (NEAR, FAR, UNSEEN))}
     assert found.between(0.0, 1.0).all()
     assert found[NOMINAL, 0.0, UNSEEN] > 0.3
+    detours = results[results["quantity"] == "detour"].set_index(["model", "level", "part"])["value"]
+    for model in MODELS[1:]:
+        assert detours[model, 1.0, UNSEEN] != detours[model, 2.0, UNSEEN]
     assert found[OURS, 2.0, UNSEEN] < found[NOMINAL, 0.0, UNSEEN]
     with pytest.raises(InputError, match="3 demonstrations per place, of which only 2 are made"):
         compare_reaches(reaches, bench, parameters.model_copy(update={"counts": (1, 3)}), METHODS)
@@ -169,6 +179,49 @@ def test_trials_are_made_where_nobody_demonstrated_and_the_fewest_failures_win(b
         {"quantity": "failed", "model": OURS, "level": [0.0, 0.0, 1.0, 1.0], "value": [0.1, 0.3, 0.0, 0.2]}
     )
     assert failures(table, OURS).idxmin() == 1
+
+
+def test_reaches_are_learned_from_as_many_demonstrations_as_are_asked_for(bench, reaches, monkeypatch):
+    monkeypatch.setattr(reaching_protocol, "_results", lambda trials, *_: trials)
+    parameters = committed(ReachingParameters, "reaching", counts=(1, 2))
+    trials = committed(ReachingTrialParameters, "reaching_trials", count=1)
+    compared = compare_reaches(reaches, bench, parameters, METHODS)[1:]
+    tried = try_reaches(reaches, bench, parameters, trials)
+    assert [(one.model, one.level) for one in compared] == [*product(MODELS[1:], (1, 2))]
+    assert len(tried) == 3 * trials.trials
+    shown = [{len(its) for its in one.shown.sets} for one in (*compared, *tried)]
+    assert shown == [{1}, {2}] * 3 + [{1}] * len(tried)
+
+
+def centres(places):
+    return {tuple(place.obstacle.centre) for place in places}
+
+
+def test_trials_are_made_at_places_of_which_none_is_compared(monkeypatch):
+    few = {
+        "obstacle_scene": {"settings": 3},
+        "obstacle_demonstrator": {"baseline_count": 3, "count": 1},
+    }
+    monkeypatch.setattr(
+        reaching_protocol, "stage_parameters", lambda key, model: committed(model, key, **few.get(key, {}))
+    )
+    monkeypatch.setattr(reaching_protocol, "_results", lambda trials, tested, *_: tested)
+    (shown, bench), (compared, its) = (demonstrated_person(tuning) for tuning in (True, False))
+    scene = committed(SceneParameters, "obstacle_scene", **few["obstacle_scene"])
+    assert its.scene == scene
+    assert centres(compared.places) == centres(scenarios(scene, [SPHERE]))
+    assert not centres(compared.places) & centres(shown.places)
+    assert shown.person == compared.person
+    parameters = committed(ReachingParameters, "reaching")
+    trials = committed(ReachingTrialParameters, "reaching_trials", count=1)
+    (near, _), (other, parts) = try_reaches(shown, bench, parameters, trials)
+    assert set(parts) == {OTHER}
+    demonstrated_there = past_places(shown.places, shown, bench.data).obstacles[0].centre
+    compared_there = past_places(compared.places, shown, bench.data).obstacles[0].centre
+    np.testing.assert_array_equal(near.obstacles[0].centre, demonstrated_there)
+    for places in (demonstrated_there, compared_there):
+        apart = other.obstacles[0].centre[:, None] - places
+        assert np.linalg.norm(apart, axis=-1).min() > 1e-3
 
 
 def test_what_was_chosen_past_spheres_is_what_is_compared():
