@@ -327,10 +327,12 @@ def test_rivals_see_readings_less_the_expected_ones(small, seen):
 def test_rivals_and_the_skill_meet_equal_conditions(small, monkeypatch):
     """A rival that copies the skill feels the same board: readings are equal until their paths part."""
     bench, met = small[0], []
+
+    def spied(conditions):
+        return lambda *its, **more: met.append(conditions(*its, **more)) or met[-1]
+
     for module in (executions, policy_execution):
-        conditions = module.run_conditions
-        spied = lambda *its, conditions=conditions, **more: met.append(conditions(*its, **more)) or met[-1]  # noqa: E731
-        monkeypatch.setattr(module, "run_conditions", spied)
+        monkeypatch.setattr(module, "run_conditions", spied(module.run_conditions))
     nominal = execute_skill(RUN, bench.skill, bench, UNMOVED)
     copied = execute_policy(RUN, Copier(nominal, frame_of(bench.skill)), bench, UNMOVED)
     np.testing.assert_allclose(copied.tactile[0], nominal.tactile[0], atol=1.0)
