@@ -26,6 +26,13 @@ def square(item, deadly=()):
     return item**2
 
 
+def first_number(item):
+    """Of an array; of zeros, the end of the process."""
+    if not item[0]:
+        os._exit(1)
+    return item[0]
+
+
 def square_at_the_second_try(item, marker):
     if item == 3 and not marker.exists():
         marker.touch()

@@ -11,6 +11,7 @@ from functools import partial
 from pathlib import Path
 
 import dask
+import numpy as np
 import parallel_work as work
 import pytest
 from distributed import Client, LocalCluster
@@ -112,6 +113,13 @@ def test_only_what_ends_its_process_is_lost(deadly):
     with pytest.raises(RuntimeError, match=r"^squares: a process died; of 1 items number 1 has no result"):
         parallel_map(partial(work.square, deadly=deadly), [max(deadly)], "squares")
     assert parallel_map(work.square, range(3), "squares") == expected(3)  # the next work has new processes
+
+
+def test_a_process_that_dies_leaves_items_behind_that_no_pipe_holds():
+    """Before Python 3.11.5 a pool does not end by itself until somebody takes them."""
+    items = [np.full(100_000, float(number)) for number in range(8)]
+    found = parallel_map(work.first_number, items, "numbers", lost=lambda _: "lost")
+    assert found == ["lost", *range(1, 8)]
 
 
 def test_what_ends_its_process_once_is_tried_again(tmp_path):

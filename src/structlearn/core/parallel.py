@@ -10,6 +10,7 @@ import logging
 import multiprocessing
 import os
 import platform
+import sys
 import threading
 import time
 from collections.abc import Callable, Iterable, Iterator
@@ -132,7 +133,22 @@ def _completed(running: Iterable[Future[Any]], check: Callable[[], None]) -> Ite
         check()
 
 
-_pools: dict[int, ProcessPoolExecutor] = {}  # by number of processes; at most one at a time
+class _Pool(ProcessPoolExecutor):
+    """A pool that ends when its processes have died, also before Python 3.11.5 (gh-94777 of CPython).
+
+    There it waits for ever for somebody to take an item that is larger than a pipe's buffer.
+    """
+
+    def _start_executor_manager_thread(self) -> None:
+        begun = self._executor_manager_thread is not None
+        super()._start_executor_manager_thread()
+        if sys.version_info < (3, 11, 5) and not begun:
+            thread: Any = self._executor_manager_thread
+            terminate, reader = thread.terminate_broken, thread.call_queue._reader
+            thread.terminate_broken = lambda cause: (reader.close(), terminate(cause))
+
+
+_pools: dict[int, _Pool] = {}  # by number of processes; at most one at a time
 
 
 def _machine() -> Workplace:
@@ -172,7 +188,7 @@ def _processes() -> ProcessPoolExecutor:
     if count not in _pools:
         _end_processes()
         context = multiprocessing.get_context("fork")
-        _pools[count] = ProcessPoolExecutor(count, context, _begin_to_work, (os.getpid(),))
+        _pools[count] = _Pool(count, context, _begin_to_work, (os.getpid(),))
     return _pools[count]
 
 
