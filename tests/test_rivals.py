@@ -30,7 +30,6 @@ from dissertation.rivals.imitation_data import (
     record,
 )
 from dissertation.rivals.networks import ActionChunking, Feedforward
-from dissertation.rivals.page import rivals_page
 from dissertation.rivals.page.findings import AVOIDING, LOOKS
 from dissertation.rivals.page.rivals_page import Compared, page
 from dissertation.rivals.page.rivals_view import executed_once, side_by_side
@@ -733,15 +732,6 @@ def test_the_table_of_trials_says_what_was_drawn_and_chosen(studied, past_sphere
     drawn = drawn_methods("chunking", budget)[1]
     assert f"chunk {drawn.chunk}, " in table["drawn"].iloc[2 * budget.trials + 1]
     assert "batch" not in table["drawn"].iloc[-1]  # has one option
-
-
-def test_the_times_of_the_benchmark_are_shown_if_they_are_there(studied, past_spheres, tmp_path, monkeypatch):
-    times = tmp_path / "times.csv"
-    times.write_text("method,training_s,decision_ms,rate_hz\nours,12.34,0.0123,300\n")
-    monkeypatch.setattr(rivals_page, "TIMES", times)
-    document, drawn, tables, find = shown(studied, past_spheres)
-    publish_judged(tmp_path / "page", {"index": document}, drawn, tables, find)
-    assert '<td class="number">0.012</td>' in (tmp_path / "page/index.html").read_text()
 
 
 def test_one_recording_has_all_methods_side_by_side(small, tmp_path, monkeypatch):

@@ -24,9 +24,6 @@ from structlearn.reporting.evidence import Evidence, geometric_mean, mean
 from structlearn.reporting.figure_style import legend, panel, styled
 from structlearn.reporting.findings import Findings
 
-TIMES = Path("reports/benchmarks/rivals.csv")
-"""Of `benchmarks/rivals.py`, shown if it is there: seconds differ from run to run, so no stage makes it."""
-
 
 class Compared(NamedTuple):
     """One comparison: its people, and the trials before it."""
@@ -50,8 +47,6 @@ def page(
         "reaching_choices": Table(trials_table(spheres, failures, "failed")),
         "rival_departures": Table(pd.DataFrame(departures, columns=["parameter", "published", "here"])),
     }
-    if TIMES.exists():
-        tables["rival_times"] = Table(pd.read_csv(TIMES), {"training_s": ".1f", "decision_ms": ".3f"})
     facts = {
         "board": board,
         "spheres": spheres,
